@@ -1,0 +1,1 @@
+"""belie: checks what a robot claims against what its camera sees."""

@@ -1,0 +1,44 @@
+"""The frozen values that travel between belie's layers, and the error tree."""
+
+from belie.types.arrays import frozen
+from belie.types.claims import Claim, MotionClaim, PoseClaim, PositionClaim
+from belie.types.config import Settings
+from belie.types.errors import (
+    AttackError,
+    BelieError,
+    CalibrationError,
+    ConfigError,
+    MissingExtraError,
+    RecordingError,
+    TopicError,
+)
+from belie.types.estimate import VisualEstimate
+from belie.types.frame import Frame, GrayImage, MountedCamera
+from belie.types.step import Step
+from belie.types.verdict import Alert, AlertType, CheckResult, Status, Verdict
+
+__all__ = [
+    "Alert",
+    "AlertType",
+    "AttackError",
+    "BelieError",
+    "CalibrationError",
+    "CheckResult",
+    "Claim",
+    "ConfigError",
+    "Frame",
+    "GrayImage",
+    "MissingExtraError",
+    "MotionClaim",
+    "MountedCamera",
+    "PoseClaim",
+    "PositionClaim",
+    "RecordingError",
+    "Settings",
+    "Status",
+    "Step",
+    "TopicError",
+    "Verdict",
+    "VisualEstimate",
+    "frozen",
+]

@@ -1,0 +1,31 @@
+"""Freezing and checking of the arrays that travel in belie's values."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from belie.geometry import FloatArray
+
+
+def frozen(value: npt.ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:
+    """A read-only float64 copy of `value`; -1 in `shape` stands for any length.
+
+    Raises
+    ------
+    ValueError
+        On another shape, NaN or infinity.
+
+    Examples
+    --------
+    >>> frozen([1, 2, 3], (3,), "position_m").flags.writeable
+    False
+    """
+    array = np.array(value, dtype=np.float64)
+    fits = array.ndim == len(shape) and all(w in (-1, g) for w, g in zip(shape, array.shape, strict=True))
+    if not fits:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds NaN or infinity")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,115 @@
+"""What the robot says of itself: the claims that belie judges.
+
+Every claim carries two times: ``stamp_ns`` is what the sender says (forgeable), ``received_ns`` ours.
+Covariances are ordered translation, then rotation. An all-zero covariance means unknown: readers pass None.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from belie.geometry import SE3, FloatArray
+from belie.types.arrays import frozen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseClaim:
+    """A claimed odometry pose: ``T_odom_body`` at `stamp_ns` (nav_msgs/Odometry.pose).
+
+    Parameters
+    ----------
+    source : str
+        Topic that made the claim.
+    frame_id : str
+        Name of the frame the pose is expressed in (``header.frame_id``).
+    T_odom_body : SE3
+        Maps body to odom coordinates.
+    covariance : array (6, 6) or None
+        Of the pose, m² and rad²; None if unknown.
+
+    Examples
+    --------
+    >>> PoseClaim(source="/odom", frame_id="odom", stamp_ns=0, received_ns=0,
+    ...           T_odom_body=SE3.identity(), covariance=None).source
+    '/odom'
+    """
+
+    source: str
+    frame_id: str
+    stamp_ns: int
+    received_ns: int
+    T_odom_body: SE3
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotionClaim:
+    """A claimed velocity at `stamp_ns`, in body axes: an odometry twist, or an IMU sample.
+
+    Parameters
+    ----------
+    kind : "twist" or "imu"
+        Where it comes from: nav_msgs/Odometry.twist or sensor_msgs/Imu.
+    linear_m_s : array (3,) or None
+        Velocity of the body's origin; None where not measured (IMU).
+    angular_rad_s : array (3,) or None
+        Angular rate; None where not measured.
+    acceleration_m_s2 : array (3,) or None
+        Specific force of an IMU, gravity included.
+    covariance : array (6, 6) or None
+        Of (linear, angular); None if unknown.
+    """
+
+    source: str
+    kind: Literal["twist", "imu"]
+    stamp_ns: int
+    received_ns: int
+    linear_m_s: FloatArray | None = None
+    angular_rad_s: FloatArray | None = None
+    acceleration_m_s2: FloatArray | None = None
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("linear_m_s", "angular_rad_s", "acceleration_m_s2"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, frozen(value, (3,), name))
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PositionClaim:
+    """A claimed position at `stamp_ns`: GNSS (in ENU metres about its first fix) or localisation.
+
+    Parameters
+    ----------
+    frame_id : str
+        Name of the frame the position is expressed in; where it equals the odometry's, both share
+        axes, else the yaw between them is unknown and estimated.
+    position_m : array (3,)
+        Position of the body's origin.
+    covariance : array (3, 3) or None
+        m²; None if unknown.
+    """
+
+    source: str
+    frame_id: str
+    kind: Literal["gnss", "localisation"]
+    stamp_ns: int
+    received_ns: int
+    position_m: FloatArray
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position_m", frozen(self.position_m, (3,), "position_m"))
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", frozen(self.covariance, (3, 3), "covariance"))
+
+
+Claim = PoseClaim | MotionClaim | PositionClaim

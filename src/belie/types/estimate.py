@@ -1,0 +1,58 @@
+"""What the images say of the camera's motion between two frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from belie.geometry import SE3, FloatArray
+from belie.types.arrays import frozen
+
+
+def _no_points() -> FloatArray:
+    return np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VisualEstimate:
+    """The camera's motion from the previous frame to this one, as the images alone tell it.
+
+    Parameters
+    ----------
+    stamp_ns, previous_stamp_ns : int
+        Stamps of the two frames.
+    T_prev_cur : SE3
+        Maps current to previous camera coordinates; its translation is in the map's unit, which is
+        arbitrary but kept from frame to frame (a single camera cannot see metres).
+    covariance : array (6, 6)
+        Of the right-hand perturbation ``T_prev_cur exp(xi)``, translation first; map units and rad.
+    corners, matches, inliers : int
+        Corners found, pairs tried, pairs that agree.
+    parallax_px : float
+        Median displacement of the inliers that rotation does not explain.
+    error_px2 : float or None
+        ``e^G`` of equation (6): mean squared reprojection error over level variance.
+    reason : str or None
+        Why the images say nothing (dark, blank, blurred, first frame …); None if they do.
+    predicted_px, observed_px : array (N, 2)
+        The pairs of equation (6), full-resolution pixels; for pictures.
+    """
+
+    stamp_ns: int
+    previous_stamp_ns: int
+    T_prev_cur: SE3
+    covariance: FloatArray
+    corners: int
+    matches: int
+    inliers: int
+    parallax_px: float
+    error_px2: float | None = None
+    reason: str | None = None
+    predicted_px: FloatArray = field(default_factory=_no_points)
+    observed_px: FloatArray = field(default_factory=_no_points)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
+        for name in ("predicted_px", "observed_px"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (-1, 2), name))
