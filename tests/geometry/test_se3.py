@@ -45,5 +45,5 @@ def test_nonsense_is_refused():
         (np.eye(3) * 2, np.zeros(3)),
         (-np.eye(3), np.zeros(3)),
     ]:
-        with pytest.raises(ValueError, match="SE3|rotation"):
+        with pytest.raises(ValueError, match=r"SE3|rotation"):
             SE3(R, t)

@@ -1,1 +1,1 @@
-"""attacks"""
+"""The attacks layer; see ARCHITECTURE.md."""

@@ -1,1 +1,1 @@
-"""checks"""
+"""The checks layer; see ARCHITECTURE.md."""

@@ -1,1 +1,1 @@
-"""detector"""
+"""The detector layer; see ARCHITECTURE.md."""

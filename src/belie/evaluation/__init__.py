@@ -1,1 +1,1 @@
-"""evaluation"""
+"""The evaluation layer; see ARCHITECTURE.md."""

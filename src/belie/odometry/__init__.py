@@ -1,1 +1,1 @@
-"""odometry"""
+"""The odometry layer; see ARCHITECTURE.md."""

@@ -1,1 +1,1 @@
-"""recordings"""
+"""The recordings layer; see ARCHITECTURE.md."""
