@@ -1,6 +1,6 @@
 """The frozen values that travel between belie's layers, and the error tree."""
 
-from belie.types.arrays import frozen
+from belie.types.arrays import frozen, frozen_as
 from belie.types.claims import Claim, MotionClaim, PoseClaim, PositionClaim
 from belie.types.config import Settings
 from belie.types.errors import (
@@ -13,6 +13,7 @@ from belie.types.errors import (
     TopicError,
 )
 from belie.types.estimate import VisualEstimate
+from belie.types.features import Features, Keyframe, MapPoints
 from belie.types.frame import Frame, GrayImage, MountedCamera
 from belie.types.step import Step
 from belie.types.verdict import Alert, AlertType, CheckResult, Status, Verdict
@@ -26,8 +27,11 @@ __all__ = [
     "CheckResult",
     "Claim",
     "ConfigError",
+    "Features",
     "Frame",
     "GrayImage",
+    "Keyframe",
+    "MapPoints",
     "MissingExtraError",
     "MotionClaim",
     "MountedCamera",
@@ -41,4 +45,5 @@ __all__ = [
     "Verdict",
     "VisualEstimate",
     "frozen",
+    "frozen_as",
 ]

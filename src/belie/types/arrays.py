@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,7 +23,18 @@ def frozen(value: npt.ArrayLike, shape: tuple[int, ...], name: str) -> FloatArra
     >>> frozen([1, 2, 3], (3,), "position_m").flags.writeable
     False
     """
-    array = np.array(value, dtype=np.float64)
+    return frozen_as(value, shape, name, np.float64)
+
+
+def frozen_as(
+    value: npt.ArrayLike, shape: tuple[int, ...], name: str, dtype: npt.DTypeLike
+) -> npt.NDArray[Any]:
+    """As `frozen`, of another element type: pixels as float32, levels as int8.
+
+    >>> frozen_as([0, 3], (-1,), "level", np.int8).dtype
+    dtype('int8')
+    """
+    array = np.array(value, dtype=dtype)
     fits = array.ndim == len(shape) and all(w in (-1, g) for w, g in zip(shape, array.shape, strict=True))
     if not fits:
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
