@@ -31,8 +31,8 @@ class MatchingSettings(Settings):
         15.0,
         gt=0.0,
         le=500.0,
-        description="Radius of the search around a prediction [px of the point's pyramid level], as in ORB-SLAM's"
-        " search by projection for one camera.",
+        description="Radius of the search around a prediction [px of the point's pyramid level], as in"
+        " ORB-SLAM's search by projection for one camera.",
     )
     max_level_difference: float = Field(
         1.0, ge=0.0, description="Most levels between the expected and the found corner [count]."
