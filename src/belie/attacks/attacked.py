@@ -1,0 +1,196 @@
+"""A recording under attack: the same surface as the recording, and the labels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from belie.attacks.camera import camera_steps
+from belie.attacks.catalogue import Stream
+from belie.attacks.imu import imu_steps
+from belie.attacks.labels import AttackLabel
+from belie.attacks.odometry import odometry_steps
+from belie.attacks.plan import Plan
+from belie.attacks.position import position_steps
+from belie.attacks.source import BodyAxes, Source
+from belie.attacks.spec import AttackSpec, parse_attack
+from belie.attacks.stream import Upstream, nothing_to_attack
+from belie.attacks.timing import NS_PER_S, FrameClock
+from belie.types import AlertType, AttackError, Claim, MotionClaim, MountedCamera, PoseClaim, Step
+
+_STAGES = {
+    "odometry": odometry_steps,
+    "imu": imu_steps,
+    "position": position_steps,
+    "camera": camera_steps,
+}
+_ALERTS: dict[Stream, AlertType] = {
+    "odometry": AlertType.ODOMETRY_SPOOFING,
+    "imu": AlertType.ODOMETRY_SPOOFING,
+    "position": AlertType.POSITION_SPOOFING,
+    "camera": AlertType.CAMERA_FAULT,
+}
+# A source that has been silent this long after the onset is not waited for in the labels.
+_LABEL_WAIT_NS = 5 * NS_PER_S
+
+
+def attack(source: Source, specs: AttackSpec | str | Iterable[AttackSpec | str]) -> AttackedRecording:
+    """Attack a recording: the first specification acts first, the next on its outcome.
+
+    Nothing is read yet but the frames' stamps, and `source` is never changed.
+
+    Raises
+    ------
+    AttackError
+        Where a specification makes no sense, or not on this recording (span, camera).
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from belie.geometry import SE3
+    >>> from belie.types import Frame
+    >>> def steps():
+    ...     for stamp in range(0, 400_000_000, 100_000_000):
+    ...         frame = Frame(camera="/image", stamp_ns=stamp, received_ns=stamp, image=np.zeros((4, 6), np.uint8))
+    ...         pose = PoseClaim(source="/odom", frame_id="odom", stamp_ns=stamp, received_ns=stamp,
+    ...                          T_odom_body=SE3.identity())
+    ...         yield Step(frame=frame, claims=(pose,))
+    >>> recording = SimpleNamespace(cameras={}, body_axes="flu", steps=steps,
+    ...                             frame_stamps_ns=lambda: np.arange(4) * 100_000_000)
+    >>> attacked = attack(recording, "odometry-offset:axis=y,rate=0.2,start=1,stop=3")
+    >>> [step.claims[0].T_odom_body.t[1].item() for step in attacked.steps()]
+    [0.0, 0.2, 0.4, 0.0]
+    >>> attacked.labels[0].alert.value, attacked.labels[0].sources
+    ('odometry_spoofing', ('/odom',))
+    """
+    several = [specs] if isinstance(specs, AttackSpec | str) else list(specs)
+    parsed = [parse_attack(spec) if isinstance(spec, str) else spec for spec in several]
+    return AttackedRecording(source, parsed)
+
+
+class AttackedRecording:
+    """A recording whose streams lie as specified; made by `attack`.
+
+    It has the surface of the recording it was made from: whatever is not a stream is asked of that one.
+    """
+
+    def __init__(self, source: Source, specs: Iterable[AttackSpec]) -> None:
+        self._source = source
+        clock = FrameClock(source.frame_stamps_ns())
+        self._plans = tuple(Plan.of(spec, clock, source.body_axes) for spec in specs)
+        for plan in self._plans:
+            _check_camera(plan, source.cameras)
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_source":
+            raise AttributeError(name)
+        return getattr(self._source, name)
+
+    @property
+    def cameras(self) -> Mapping[str, MountedCamera]:
+        """The cameras by name."""
+        return self._source.cameras
+
+    @property
+    def body_axes(self) -> BodyAxes:
+        """How the body frame lies in the vehicle."""
+        return self._source.body_axes
+
+    @property
+    def specs(self) -> tuple[AttackSpec, ...]:
+        """The attacks, in the order in which they act."""
+        return tuple(plan.spec for plan in self._plans)
+
+    def frame_stamps_ns(self) -> npt.NDArray[np.int64]:
+        """Stamps of all frames, in order, shape (N,); no attack changes them."""
+        return self._source.frame_stamps_ns()
+
+    def steps(self) -> Iterator[Step]:
+        """The attacked steps, from the first one; the same bytes at every call.
+
+        Raises
+        ------
+        AttackError
+            Where an attack finds nothing to act on, or no direction to act along.
+        """
+        upstream: Upstream = self._source.steps
+        for plan in self._plans:
+            upstream = partial(_STAGES[plan.spec.stream], plan, upstream)
+        return upstream()
+
+    @cached_property
+    def labels(self) -> tuple[AttackLabel, ...]:
+        """One label an attack, those of an attacked source first; reads the recording up to the last onset.
+
+        Raises
+        ------
+        AttackError
+            Where an attack finds nothing to act on.
+        """
+        earlier = self._source.labels if isinstance(self._source, AttackedRecording) else ()
+        onsets = self._onsets()
+        last_ns = int(self.frame_stamps_ns()[-1])
+        return (*earlier, *(_label(p, o, last_ns) for p, o in zip(self._plans, onsets, strict=True)))
+
+    def _onsets(self) -> list[dict[str, int]]:
+        """For every attack, the stamp of the first message that lies, by source."""
+        onsets: list[dict[str, int]] = [
+            dict.fromkeys(_attacked_cameras(plan, self.cameras), plan.span.start_ns) for plan in self._plans
+        ]
+        claimed = [(p, o) for p, o in zip(self._plans, onsets, strict=True) if p.spec.stream != "camera"]
+        present: dict[str, None] = {}
+        enough_ns = max((plan.span.start_ns for plan, _ in claimed), default=0) + _LABEL_WAIT_NS
+        for step in self._source.steps() if claimed else ():
+            for claim in step.claims:
+                present.setdefault(f"{claim.source} ({_stream_of(claim)})")
+                for plan, found in claimed:
+                    if plan.selects(claim) and plan.span.holds(claim.stamp_ns):
+                        found[claim.source] = min(claim.stamp_ns, found.get(claim.source, claim.stamp_ns))
+            if step.frame.stamp_ns > enough_ns and all(found for _, found in claimed):
+                break
+        for plan, found in claimed:
+            if not found:
+                raise nothing_to_attack(plan, tuple(sorted(present)))
+        return onsets
+
+
+def _label(plan: Plan, onsets: dict[str, int], last_ns: int) -> AttackLabel:
+    onset_ns = min(onsets.values())
+    return AttackLabel(
+        name=plan.spec.name,
+        text=plan.spec.to_text(),
+        stream=plan.spec.stream,
+        sources=tuple(sorted(onsets)),
+        alert=_ALERTS[plan.spec.stream],
+        start_frame=plan.span.start_frame,
+        stop_frame=plan.span.stop_frame,
+        start_ns=plan.span.start_ns,
+        onset_ns=onset_ns,
+        end_ns=max(last_ns, onset_ns) if plan.span.end_ns is None else plan.span.end_ns,
+        seed=int(plan.spec.number("seed")),
+    )
+
+
+def _stream_of(claim: Claim) -> Stream:
+    match claim:
+        case PoseClaim() | MotionClaim(kind="twist"):
+            return "odometry"
+        case MotionClaim():
+            return "imu"
+        case _:
+            return "position"
+
+
+def _attacked_cameras(plan: Plan, cameras: Mapping[str, MountedCamera]) -> list[str]:
+    if plan.spec.stream != "camera":
+        return []
+    return [name for name in cameras if plan.spec["source"] in (None, name)]
+
+
+def _check_camera(plan: Plan, cameras: Mapping[str, MountedCamera]) -> None:
+    if plan.spec.stream == "camera" and not _attacked_cameras(plan, cameras):
+        raise AttackError(f"{plan.spec.to_text()}: no such camera; the recording has {', '.join(cameras)}")

@@ -1,0 +1,307 @@
+"""Every attack by name, with its options and their units: the one table that parser and help share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from belie.attacks.option import Option
+from belie.attacks.timing import Timing
+
+Stream = Literal["odometry", "imu", "position", "camera"]
+
+ROTATIONS = ("roll", "pitch", "yaw")
+VEHICLE_AXES = ("forward", "left", "up")
+_AXES: dict[Stream, tuple[str, ...]] = {
+    "odometry": ("x", "y", "z", *VEHICLE_AXES, *ROTATIONS),
+    "imu": ("x", "y", "z", *VEHICLE_AXES, *ROTATIONS),
+    "position": ("x", "y", "z", *VEHICLE_AXES),
+    "camera": (),
+}
+_UNIT: dict[Stream, str] = {
+    "odometry": "m or deg",
+    "imu": "deg/s or m/s²",
+    "position": "m",
+    "camera": "gray levels",
+}
+_LIES_BY: dict[Stream, str] = {
+    "odometry": "odometry pose and twist",
+    "imu": "IMU sample",
+    "position": "position",
+    "camera": "image",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttackKind:
+    """One named attack.
+
+    Parameters
+    ----------
+    name, stream, kind : str
+        ``odometry-offset`` is the kind ``offset`` on the stream ``odometry``.
+    summary : str
+        One line for the user.
+    options : tuple of Option
+        In the order in which they are printed.
+    strength : str or None
+        The option that ``magnitude`` stands for.
+    frames : int or None
+        How many frames it lasts where no stop is given; None: to the end.
+
+    Examples
+    --------
+    >>> ATTACKS["paper-odometry"].kind, ATTACKS["paper-odometry"].frames
+    ('offset', 10)
+    """
+
+    name: str
+    stream: Stream
+    kind: str
+    summary: str
+    options: tuple[Option, ...]
+    strength: str | None = None
+    frames: int | None = None
+
+
+_START = Option(
+    name="start",
+    form="timing",
+    unit="frame, or s from the first",
+    default=Timing(value=100, unit="frame"),
+    meaning="first attacked frame",
+)
+_STOP = Option(
+    name="stop",
+    form="timing",
+    unit="frame, or s from the first",
+    meaning="first honest frame again; end of the recording if left out",
+)
+_SOURCE = Option(name="source", form="text", meaning="topic to attack; all of this stream if left out")
+_SEED = Option(name="seed", form="integer", default=0, least=0, meaning="of everything random")
+_COMMON = (_START, _STOP, _SOURCE, _SEED)
+_RESTORE = Option(
+    name="restore",
+    form="flag",
+    default=True,
+    meaning="true: the true pose returns at stop; false: the error stays and increments are honest again",
+)
+
+
+def _axis(stream: Stream, default: str | None, meaning: str = "which coordinate or direction") -> Option:
+    return Option(
+        name="axis",
+        form="choice",
+        choices=_AXES[stream],
+        synonyms=(("lateral", "left"),),
+        default=default,
+        meaning=meaning,
+    )
+
+
+def _number(
+    name: str, unit: str, meaning: str, *, above: float | None = None, least: float | None = None
+) -> Option:
+    return Option(
+        name=name, form="number", unit=unit, meaning=meaning, required=True, above=above, least=least
+    )
+
+
+def _delay(frames: int) -> Option:
+    return Option(
+        name="delay",
+        form="timing",
+        unit="frames, or s",
+        default=Timing(value=frames, unit="frame"),
+        above=0.0,
+        meaning="age of the content that is sent",
+    )
+
+
+def _claim_attacks(stream: Stream) -> list[AttackKind]:
+    unit = _UNIT[stream]
+    usual = {"odometry": "left", "imu": "yaw", "position": "x"}[stream]
+    turning = "x" if stream == "position" else "yaw"
+    magnitude = Option(name="magnitude", form="number", unit=unit, meaning="constant offset")
+    creep = Option(name="rate", form="number", unit=f"{unit}, a frame", meaning="growth instead of magnitude")
+    bias_unit = unit if stream == "imu" else f"{unit}, a frame"
+    everything = "all three directions of the motion (IMU: of the angular rate) if left out"
+    table: list[tuple[str, str, tuple[Option, ...], str | None]] = [
+        (
+            "offset",
+            "a constant error (magnitude), or one that grows with every frame (rate)",
+            (_axis(stream, usual), magnitude, creep),
+            None,
+        ),
+        (
+            "ramp",
+            "an error that grows with time",
+            (_axis(stream, usual), _number("rate", f"{unit}, a second", "growth")),
+            "rate",
+        ),
+        (
+            "bias",
+            "a biased rate, integrated as the sender would: a yaw bias bends the path",
+            (_axis(stream, turning), _number("rate", bias_unit, "bias")),
+            "rate",
+        ),
+        (
+            "scale",
+            "motion since the onset is multiplied",
+            (_axis(stream, None, everything), _number("factor", "", "multiplier of the motion")),
+            "factor",
+        ),
+        (
+            "set",
+            "one coordinate (or rate) is set to a constant",
+            (_axis(stream, "x" if stream != "imu" else usual), _number("value", unit, "what it is set to")),
+            "value",
+        ),
+        ("freeze", "the last honest value is repeated (the twist is zero)", (), None),
+        ("replay", "values already sent are sent again, `delay` later", (_delay(20),), "delay"),
+        ("delay", "the stream stalls for `delay`, then runs that much late", (_delay(5),), "delay"),
+        (
+            "sinusoid",
+            "an error that swings",
+            (
+                _axis(stream, usual),
+                _number("amplitude", unit, "of the swing"),
+                _number("period", "s", "of one cycle", above=0.0),
+            ),
+            "amplitude",
+        ),
+        (
+            "noise",
+            "white Gaussian noise, drawn anew for every message",
+            (_axis(stream, None, everything), _number("sigma", unit, "standard deviation", least=0.0)),
+            "sigma",
+        ),
+        ("flip", "the motion along or about an axis changes its sign", (_axis(stream, turning),), None),
+    ]
+    extra = (_RESTORE,) if stream == "odometry" else ()
+    return [
+        AttackKind(
+            name=f"{stream}-{kind}",
+            stream=stream,
+            kind=kind,
+            summary=f"{_LIES_BY[stream]}: {summary}",
+            options=(*options, *_COMMON, *extra),
+            strength=strength,
+        )
+        for kind, summary, options, strength in table
+    ]
+
+
+def _camera_attacks() -> list[AttackKind]:
+    grain = Option(
+        name="noise",
+        form="number",
+        unit="gray levels",
+        default=0.0,
+        least=0.0,
+        meaning="standard deviation of the sensor noise added to the false image",
+    )
+    level = Option(
+        name="level", form="integer", unit="gray levels", default=0, least=0, most=255, meaning="brightness"
+    )
+    fraction = Option(
+        name="fraction",
+        form="number",
+        default=0.85,
+        above=0.0,
+        most=1.0,
+        meaning="share of the image covered",
+    )
+    texture = Option(
+        name="texture",
+        form="choice",
+        choices=("plain", "cloth"),
+        default="plain",
+        meaning="a textureless occluder, or a textured one",
+    )
+    sigma = _number("sigma", "gray levels", "standard deviation", least=0.0)
+    table: list[tuple[str, str, tuple[Option, ...], str | None]] = [
+        ("freeze", "the last honest image is repeated, bit for bit", (grain,), None),
+        ("replay", "images already sent are sent again, `delay` later, bit for bit", (_delay(20),), "delay"),
+        ("delay", "the picture stalls for `delay`, then runs that much late", (_delay(5),), "delay"),
+        ("black", "one gray level everywhere", (level, grain), "level"),
+        ("cover", "something stands before the lens", (fraction, texture, level, grain), "fraction"),
+        ("noise", "white Gaussian noise on every pixel", (sigma,), "sigma"),
+    ]
+    return [
+        AttackKind(
+            name=f"camera-{kind}",
+            stream="camera",
+            kind=kind,
+            summary=f"{_LIES_BY['camera']}: {summary}",
+            options=(*options, *_COMMON),
+            strength=strength,
+        )
+        for kind, summary, options, strength in table
+    ]
+
+
+def _paper_attacks() -> list[AttackKind]:
+    growth = Option(name="rate", form="number", unit="m, a frame", default=0.2, meaning="growth")
+    value = Option(name="value", form="number", unit="m", default=1.0, meaning="what it is set to")
+    return [
+        AttackKind(
+            name="paper-odometry",
+            stream="odometry",
+            kind="offset",
+            summary="the paper's IV-B: +0.2 m a frame sideways for ten frames, then the true pose again",
+            options=(_axis("odometry", "left"), growth, *_COMMON, _RESTORE),
+            strength="rate",
+            frames=10,
+        ),
+        AttackKind(
+            name="paper-position",
+            stream="position",
+            kind="set",
+            summary="the paper's IV-B: x is set to 1 for ten frames",
+            options=(_axis("position", "x"), value, *_COMMON),
+            strength="value",
+            frames=10,
+        ),
+    ]
+
+
+ATTACKS: dict[str, AttackKind] = {
+    entry.name: entry
+    for entry in [
+        *_paper_attacks(),
+        *_claim_attacks("odometry"),
+        *_claim_attacks("imu"),
+        *_claim_attacks("position"),
+        *_camera_attacks(),
+    ]
+}
+
+_AXES_TEXT = """\
+axis: x, y, z are the coordinates the claim is written in (IMU: of the angular rate). forward, left (or
+lateral), up are the vehicle's own at the onset (IMU: of the acceleration). roll, pitch, yaw turn about
+forward, left, up, in degrees. `magnitude` is understood as the attack's main option (marked *)."""
+
+
+def describe_attacks() -> str:
+    """The table of attacks and options, as plain text for the command line's help.
+
+    >>> print(describe_attacks().splitlines()[0])
+    SPEC is name:option=value,option=value; several compose, first one first.
+    """
+    lines = ["SPEC is name:option=value,option=value; several compose, first one first.", _AXES_TEXT, ""]
+    lines += ["of every attack", *(_option_line(option, None) for option in _COMMON)]
+    lines.append(f"of every odometry attack\n{_option_line(_RESTORE, None)}")
+    for attack in ATTACKS.values():
+        lines += ["", f"{attack.name}: {attack.summary}"]
+        own = [option for option in attack.options if option not in (*_COMMON, _RESTORE)]
+        lines += [_option_line(option, attack.strength) for option in own]
+    return "\n".join(lines)
+
+
+def _option_line(option: Option, strength: str | None) -> str:
+    unit = f" [{option.unit}]" if option.unit else ""
+    choices = f" ({'|'.join(option.choices)})" if option.choices else ""
+    default = "" if option.default is None else f"; default {str(option.default).removesuffix('.0').lower()}"
+    mark = "*" if option.name == strength else ""
+    return f"    {option.name}{mark}{unit}: {option.meaning}{choices}{default}"

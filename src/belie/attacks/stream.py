@@ -1,0 +1,89 @@
+"""The walk over a recording that every attack on claims shares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Protocol
+
+from belie.attacks.plan import Plan
+from belie.types import AttackError, Claim, PoseClaim, Step
+
+Upstream = Callable[[], Iterator[Step]]
+"""Starts the recording (or the attack below this one) over from its first step."""
+
+
+class Forger(Protocol):
+    """One attack on one source; it sees the source's claims in the order of their stamps."""
+
+    def before(self, claim: Claim) -> None:
+        """An honest claim, stamped before the span."""
+        ...
+
+    def during(self, claim: Claim) -> Claim:
+        """What is sent instead of `claim`, stamped within the span."""
+        ...
+
+    def after(self, claim: Claim) -> Claim:
+        """What is sent instead of `claim`, stamped after the span; usually `claim` itself."""
+        ...
+
+
+def forged_steps(plan: Plan, upstream: Upstream, forger_of: Callable[[str], Forger]) -> Iterator[Step]:
+    """The steps of `upstream` with the claims that `plan` selects forged.
+
+    A step is handed out once the next one is known: the twist of an odometry message may come one step
+    before its pose, and is forged to fit it.
+
+    Parameters
+    ----------
+    forger_of : callable
+        Source name to a fresh forger.
+
+    Raises
+    ------
+    AttackError
+        At the end, where the span held no claim to attack.
+    """
+    forgers: dict[str, Forger] = {}
+    touched = False
+
+    def forge(claim: Claim) -> Claim:
+        nonlocal touched
+        if not plan.selects(claim):
+            return claim
+        if claim.source not in forgers:
+            forgers[claim.source] = forger_of(claim.source)
+        forger = forgers[claim.source]
+        if plan.span.holds(claim.stamp_ns):
+            touched = True
+            return forger.during(claim)
+        if claim.stamp_ns >= plan.span.start_ns:
+            return forger.after(claim)
+        forger.before(claim)
+        return claim
+
+    held: Step | None = None
+    for step in upstream():
+        claims = tuple(forge(claim) if isinstance(claim, PoseClaim) else claim for claim in step.claims)
+        if held is not None:
+            yield _with_others_forged(held, forge)
+        held = replace(step, claims=claims)
+    if held is not None:
+        yield _with_others_forged(held, forge)
+    if not touched:
+        raise nothing_to_attack(plan, ())
+
+
+def nothing_to_attack(plan: Plan, present: tuple[str, ...]) -> AttackError:
+    """The error for an attack whose span holds no claim of its stream."""
+    wanted = plan.spec.stream + (f" claims of {plan.spec['source']}" if plan.spec["source"] else " claims")
+    found = f"; the recording has {', '.join(present)}" if present else ""
+    return AttackError(
+        f"{plan.spec.to_text()}: no {wanted} in frames {plan.span.start_frame} to {plan.span.stop_frame}{found}"
+    )
+
+
+def _with_others_forged(step: Step, forge: Callable[[Claim], Claim]) -> Step:
+    claims = tuple(claim if isinstance(claim, PoseClaim) else forge(claim) for claim in step.claims)
+    return replace(step, claims=claims)
