@@ -5,7 +5,7 @@
 """
 
 from belie.attacks.attacked import AttackedRecording, attack
-from belie.attacks.catalogue import describe_attacks
+from belie.attacks.describe import describe_attacks
 from belie.attacks.labels import AttackLabel, labels_path, read_labels, write_labels
 from belie.attacks.source import Source
 from belie.attacks.spec import AttackSpec, parse_attack

@@ -55,7 +55,8 @@ def attack(source: Source, specs: AttackSpec | str | Iterable[AttackSpec | str])
     >>> from belie.types import Frame
     >>> def steps():
     ...     for stamp in range(0, 400_000_000, 100_000_000):
-    ...         frame = Frame(camera="/image", stamp_ns=stamp, received_ns=stamp, image=np.zeros((4, 6), np.uint8))
+    ...         frame = Frame(camera="/image", stamp_ns=stamp, received_ns=stamp,
+    ...                       image=np.zeros((4, 6), np.uint8))
     ...         pose = PoseClaim(source="/odom", frame_id="odom", stamp_ns=stamp, received_ns=stamp,
     ...                          T_odom_body=SE3.identity())
     ...         yield Step(frame=frame, claims=(pose,))

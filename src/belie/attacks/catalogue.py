@@ -24,12 +24,6 @@ _UNIT: dict[Stream, str] = {
     "position": "m",
     "camera": "gray levels",
 }
-_LIES_BY: dict[Stream, str] = {
-    "odometry": "odometry pose and twist",
-    "imu": "IMU sample",
-    "position": "position",
-    "camera": "image",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,20 +61,20 @@ class AttackKind:
 _START = Option(
     name="start",
     form="timing",
-    unit="frame, or s from the first",
+    unit="frame, or s",
     default=Timing(value=100, unit="frame"),
     meaning="first attacked frame",
 )
 _STOP = Option(
     name="stop",
     form="timing",
-    unit="frame, or s from the first",
+    unit="frame, or s",
     meaning="first honest frame again; end of the recording if left out",
 )
 _SOURCE = Option(name="source", form="text", meaning="topic to attack; all of this stream if left out")
 _SEED = Option(name="seed", form="integer", default=0, least=0, meaning="of everything random")
-_COMMON = (_START, _STOP, _SOURCE, _SEED)
-_RESTORE = Option(
+COMMON = (_START, _STOP, _SOURCE, _SEED)
+RESTORE = Option(
     name="restore",
     form="flag",
     default=True,
@@ -178,14 +172,14 @@ def _claim_attacks(stream: Stream) -> list[AttackKind]:
         ),
         ("flip", "the motion along or about an axis changes its sign", (_axis(stream, turning),), None),
     ]
-    extra = (_RESTORE,) if stream == "odometry" else ()
+    extra = (RESTORE,) if stream == "odometry" else ()
     return [
         AttackKind(
             name=f"{stream}-{kind}",
             stream=stream,
             kind=kind,
-            summary=f"{_LIES_BY[stream]}: {summary}",
-            options=(*options, *_COMMON, *extra),
+            summary=summary,
+            options=(*options, *COMMON, *extra),
             strength=strength,
         )
         for kind, summary, options, strength in table
@@ -233,8 +227,8 @@ def _camera_attacks() -> list[AttackKind]:
             name=f"camera-{kind}",
             stream="camera",
             kind=kind,
-            summary=f"{_LIES_BY['camera']}: {summary}",
-            options=(*options, *_COMMON),
+            summary=summary,
+            options=(*options, *COMMON),
             strength=strength,
         )
         for kind, summary, options, strength in table
@@ -250,7 +244,7 @@ def _paper_attacks() -> list[AttackKind]:
             stream="odometry",
             kind="offset",
             summary="the paper's IV-B: +0.2 m a frame sideways for ten frames, then the true pose again",
-            options=(_axis("odometry", "left"), growth, *_COMMON, _RESTORE),
+            options=(_axis("odometry", "left"), growth, *COMMON, RESTORE),
             strength="rate",
             frames=10,
         ),
@@ -259,7 +253,7 @@ def _paper_attacks() -> list[AttackKind]:
             stream="position",
             kind="set",
             summary="the paper's IV-B: x is set to 1 for ten frames",
-            options=(_axis("position", "x"), value, *_COMMON),
+            options=(_axis("position", "x"), value, *COMMON),
             strength="value",
             frames=10,
         ),
@@ -276,32 +270,3 @@ ATTACKS: dict[str, AttackKind] = {
         *_camera_attacks(),
     ]
 }
-
-_AXES_TEXT = """\
-axis: x, y, z are the coordinates the claim is written in (IMU: of the angular rate). forward, left (or
-lateral), up are the vehicle's own at the onset (IMU: of the acceleration). roll, pitch, yaw turn about
-forward, left, up, in degrees. `magnitude` is understood as the attack's main option (marked *)."""
-
-
-def describe_attacks() -> str:
-    """The table of attacks and options, as plain text for the command line's help.
-
-    >>> print(describe_attacks().splitlines()[0])
-    SPEC is name:option=value,option=value; several compose, first one first.
-    """
-    lines = ["SPEC is name:option=value,option=value; several compose, first one first.", _AXES_TEXT, ""]
-    lines += ["of every attack", *(_option_line(option, None) for option in _COMMON)]
-    lines.append(f"of every odometry attack\n{_option_line(_RESTORE, None)}")
-    for attack in ATTACKS.values():
-        lines += ["", f"{attack.name}: {attack.summary}"]
-        own = [option for option in attack.options if option not in (*_COMMON, _RESTORE)]
-        lines += [_option_line(option, attack.strength) for option in own]
-    return "\n".join(lines)
-
-
-def _option_line(option: Option, strength: str | None) -> str:
-    unit = f" [{option.unit}]" if option.unit else ""
-    choices = f" ({'|'.join(option.choices)})" if option.choices else ""
-    default = "" if option.default is None else f"; default {str(option.default).removesuffix('.0').lower()}"
-    mark = "*" if option.name == strength else ""
-    return f"    {option.name}{mark}{unit}: {option.meaning}{choices}{default}"

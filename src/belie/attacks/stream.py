@@ -79,9 +79,8 @@ def nothing_to_attack(plan: Plan, present: tuple[str, ...]) -> AttackError:
     """The error for an attack whose span holds no claim of its stream."""
     wanted = plan.spec.stream + (f" claims of {plan.spec['source']}" if plan.spec["source"] else " claims")
     found = f"; the recording has {', '.join(present)}" if present else ""
-    return AttackError(
-        f"{plan.spec.to_text()}: no {wanted} in frames {plan.span.start_frame} to {plan.span.stop_frame}{found}"
-    )
+    frames = f"{plan.span.start_frame} to {plan.span.stop_frame}"
+    return AttackError(f"{plan.spec.to_text()}: no {wanted} in frames {frames}{found}")
 
 
 def _with_others_forged(step: Step, forge: Callable[[Claim], Claim]) -> Step:
