@@ -93,9 +93,11 @@ class PositionClaim:
         Name of the frame the position is expressed in; where it equals the odometry's, both share
         axes, else the yaw between them is unknown and estimated.
     position_m : array (3,)
-        Position of the body's origin.
+        Position of the body's origin, or of the point `lever_m` where that is given.
     covariance : array (3, 3) or None
         m²; None if unknown.
+    lever_m : array (3,) or None
+        Where on the body the position is measured (GNSS antenna), in body axes; None: at its origin.
     """
 
     source: str
@@ -105,9 +107,12 @@ class PositionClaim:
     received_ns: int
     position_m: FloatArray
     covariance: FloatArray | None = None
+    lever_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position_m", frozen(self.position_m, (3,), "position_m"))
+        if self.lever_m is not None:
+            object.__setattr__(self, "lever_m", frozen(self.lever_m, (3,), "lever_m"))
         if self.covariance is not None:
             object.__setattr__(self, "covariance", frozen(self.covariance, (3, 3), "covariance"))
 

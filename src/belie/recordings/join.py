@@ -1,0 +1,293 @@
+"""Streams of different rates and delays, joined by header stamp into `Step`s.
+
+Claims arrive 1 to 60 ms late, each stream by its own delay, and out of order. A frame is therefore held
+back for a short window of receive time, and then a little longer for streams that have nothing stamped
+after it yet, so that what belongs to the frame travels with it. All decisions follow from receive times
+and stamps, never from the speed of the machine: the same recording gives the same steps.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from pydantic import Field
+
+from belie.types import Claim, Frame, MotionClaim, PoseClaim, RecordingError, Settings, Step
+
+
+class JoinSettings(Settings):
+    """How long the joining of streams waits.
+
+    >>> JoinSettings().reorder_window_ms
+    200.0
+    """
+
+    reorder_window_ms: float = Field(
+        200.0, description="[ms] receive time for which a frame waits for late claims and frames", ge=0.0
+    )
+    patience_ms: float = Field(
+        1500.0,
+        description="[ms] receive time for which a frame waits for a slow stream's next claim",
+        ge=0.0,
+    )
+    clock_jump_s: float = Field(
+        1.0, description="[s] a claim stamped further back than this counts as a clock jump", gt=0.0
+    )
+    max_waiting_frames: int = Field(
+        48, description="[1] frames held back at most, so that memory stays bounded", ge=1
+    )
+    max_waiting_claims: int = Field(
+        100_000, description="[1] claims of one stream held back at most before its clock is refused", ge=1
+    )
+
+
+@dataclass(slots=True, kw_only=True)
+class JoinCounts:
+    """What the joining met, per stream (topic).
+
+    Attributes
+    ----------
+    late : Counter
+        Claims that came after their frame had gone; they travel with the next frame.
+    out_of_order : Counter
+        Messages stamped before their predecessor on the same stream.
+    clock_jumps : Counter
+        Claims stamped more than `JoinSettings.clock_jump_s` before their predecessor.
+    duplicates : Counter
+        Frames with the stamp of an earlier one (skipped), claims likewise (handed out).
+    missing : Counter
+        For claims, frames without a claim within two periods; for a camera, frames absent from gaps.
+    dropped_late : Counter
+        Claims for which no frame was left: stamped after the last one.
+    undecodable : Counter
+        Images that could not be decoded (skipped).
+    invalid : Counter
+        GNSS messages without a fix (skipped).
+    """
+
+    late: Counter[str] = field(default_factory=Counter)
+    out_of_order: Counter[str] = field(default_factory=Counter)
+    clock_jumps: Counter[str] = field(default_factory=Counter)
+    duplicates: Counter[str] = field(default_factory=Counter)
+    missing: Counter[str] = field(default_factory=Counter)
+    dropped_late: Counter[str] = field(default_factory=Counter)
+    undecodable: Counter[str] = field(default_factory=Counter)
+    invalid: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DecodedFrame:
+    """A frame, the index of its message, and what its decoding took."""
+
+    frame: Frame
+    index: int
+    decode_ms: float = 0.0
+
+
+@dataclass(slots=True)
+class _Stream:
+    """The claims of one kind from one source that wait for their frame."""
+
+    source: str
+    waiting: list[tuple[int, int, Claim]] = field(default_factory=list)
+    previous_ns: int | None = None
+    newest_ns: int | None = None
+    handed_ns: int | None = None
+
+    def take(self, frame_ns: int) -> list[tuple[int, int, Claim]]:
+        """Every waiting claim up to the frame, and the first after it where none is at its very stamp."""
+        taken = []
+        while self.waiting and self.waiting[0][0] <= frame_ns:
+            taken.append(heapq.heappop(self.waiting))
+        if taken:
+            self.handed_ns = max(taken[-1][0], self.handed_ns if self.handed_ns is not None else taken[-1][0])
+        if self.waiting and (self.handed_ns is None or self.handed_ns < frame_ns):
+            taken.append(heapq.heappop(self.waiting))
+            self.handed_ns = taken[-1][0]
+        return taken
+
+    def reaches(self, frame_ns: int) -> bool:
+        """Whether a claim at or after the frame has come."""
+        return self.newest_ns is not None and self.newest_ns >= frame_ns
+
+
+def _kind(claim: Claim) -> str:
+    return claim.kind if isinstance(claim, MotionClaim) else type(claim).__name__
+
+
+class _Joiner:
+    """The state of one pass over a recording."""
+
+    def __init__(self, settings: JoinSettings, counts: JoinCounts, periods_ns: Mapping[str, float]) -> None:
+        self.settings, self.counts, self.periods_ns = settings, counts, periods_ns
+        self.window_ns = round(settings.reorder_window_ms * 1e6)
+        self.patience_ns = max(round(settings.patience_ms * 1e6), self.window_ns)
+        self.streams: dict[tuple[str, str], _Stream] = {}
+        self.frames: list[tuple[int, DecodedFrame]] = []
+        self.newest_frame_ns: int | None = None
+        self.emitted_ns: int | None = None
+        self.order = 0
+
+    @property
+    def is_full(self) -> bool:
+        """Whether as many frames wait as may."""
+        return len(self.frames) > self.settings.max_waiting_frames
+
+    def add_claim(self, claim: Claim) -> None:
+        """File a claim with its stream."""
+        stream = self.streams.setdefault((claim.source, _kind(claim)), _Stream(claim.source))
+        stamp_ns = claim.stamp_ns
+        # A twist comes in the message of its pose: what befalls the message is counted once.
+        counted = not (isinstance(claim, MotionClaim) and (claim.source, PoseClaim.__name__) in self.streams)
+        if counted:
+            if stream.previous_ns is not None and stamp_ns < stream.previous_ns:
+                jumped = stream.previous_ns - stamp_ns > self.settings.clock_jump_s * 1e9
+                (self.counts.clock_jumps if jumped else self.counts.out_of_order)[claim.source] += 1
+            elif stamp_ns == stream.previous_ns:
+                self.counts.duplicates[claim.source] += 1
+            if self.emitted_ns is not None and stamp_ns <= self.emitted_ns:
+                self.counts.late[claim.source] += 1
+        stream.previous_ns = stamp_ns
+        stream.newest_ns = stamp_ns if stream.newest_ns is None else max(stamp_ns, stream.newest_ns)
+        self.order += 1
+        heapq.heappush(stream.waiting, (stamp_ns, self.order, claim))
+        if len(stream.waiting) > self.settings.max_waiting_claims:
+            ahead_s = (stream.newest_ns - (self.newest_frame_ns or 0)) / 1e9
+            raise RecordingError(
+                f"stamps of {claim.source} run {ahead_s:.1f} s ahead of the images; "
+                "one of the two clocks is wrong: synchronise them and record again"
+            )
+
+    def add_frame(self, decoded: DecodedFrame) -> None:
+        """File a frame; refuse one that belongs before what has gone out."""
+        frame = decoded.frame
+        stamp_ns, newest_ns = frame.stamp_ns, self.newest_frame_ns
+        if newest_ns is not None and stamp_ns <= newest_ns:
+            if stamp_ns == self.emitted_ns or any(stamp_ns == waiting for waiting, _ in self.frames):
+                if stamp_ns == 0:
+                    raise RecordingError(
+                        f"images of {frame.camera} carry no time (header.stamp is 0 at message "
+                        f"{decoded.index}); let the camera driver stamp them and record again"
+                    )
+                self.counts.duplicates[frame.camera] += 1
+                return
+            # Older than a frame that the window has already let go, or older by more than the window.
+            gone = [
+                waiting
+                for waiting, other in self.frames
+                if other.frame.received_ns + self.window_ns < frame.received_ns
+            ]
+            if self.emitted_ns is not None:
+                gone.append(self.emitted_ns)
+            if stamp_ns < max([newest_ns - self.window_ns, *gone]):
+                raise RecordingError(
+                    f"image stamps run backwards at message {decoded.index} of {frame.camera}: "
+                    f"{stamp_ns / 1e9:.6f} s after {newest_ns / 1e9:.6f} s; "
+                    "record again, or sort the messages by header stamp"
+                )
+            self.counts.out_of_order[frame.camera] += 1
+        heapq.heappush(self.frames, (stamp_ns, decoded))
+        self.newest_frame_ns = stamp_ns if newest_ns is None else max(stamp_ns, newest_ns)
+
+    def release(self, clock_ns: int | None) -> Iterator[Step]:
+        """Steps of the frames that need wait no longer at receive time `clock_ns`; None: all of them."""
+        while self.frames and (
+            clock_ns is None or self.is_full or self._is_due(self.frames[0][1].frame, clock_ns)
+        ):
+            yield self._step(heapq.heappop(self.frames)[1])
+
+    def _is_due(self, frame: Frame, clock_ns: int) -> bool:
+        waited_ns = clock_ns - frame.received_ns
+        if waited_ns <= self.window_ns:
+            return False
+        return waited_ns > self.patience_ns or all(
+            stream.reaches(frame.stamp_ns) for stream in self.streams.values()
+        )
+
+    def _step(self, decoded: DecodedFrame) -> Step:
+        frame = decoded.frame
+        claims = sorted(
+            (entry for stream in self.streams.values() for entry in stream.take(frame.stamp_ns)),
+            key=lambda entry: entry[:2],
+        )
+        self._count_missing(frame)
+        self.emitted_ns = frame.stamp_ns
+        return Step(frame=frame, claims=tuple(entry[2] for entry in claims), decode_ms=decoded.decode_ms)
+
+    def _count_missing(self, frame: Frame) -> None:
+        handed: dict[str, int] = {}
+        for stream in self.streams.values():
+            if stream.handed_ns is not None:
+                handed[stream.source] = max(stream.handed_ns, handed.get(stream.source, stream.handed_ns))
+        for source, period_ns in self.periods_ns.items():
+            if source == frame.camera:
+                if self.emitted_ns is not None:
+                    periods = round((frame.stamp_ns - self.emitted_ns) / period_ns)
+                    if periods > 1:
+                        self.counts.missing[source] += periods - 1
+            elif source not in handed or handed[source] < frame.stamp_ns - 2.0 * period_ns:
+                self.counts.missing[source] += 1
+
+    def close(self) -> None:
+        """Count the claims that no frame is left for."""
+        for stream in self.streams.values():
+            if stream.waiting:
+                self.counts.dropped_late[stream.source] += len(stream.waiting)
+
+
+def join(
+    arrivals: Iterable[Claim | DecodedFrame],
+    *,
+    settings: JoinSettings,
+    counts: JoinCounts,
+    periods_ns: Mapping[str, float] | None = None,
+) -> Iterator[Step]:
+    """Join claims and frames, given in the order of their receive times, into steps.
+
+    Parameters
+    ----------
+    arrivals : iterable of claims and frames
+        In order of ``received_ns``.
+    settings : JoinSettings
+        How long to wait.
+    counts : JoinCounts
+        Is filled.
+    periods_ns : mapping, optional
+        Usual period of each stream, to count what is missing.
+
+    Raises
+    ------
+    RecordingError
+        If image stamps run backwards by more than the window, are all zero, or a claim stream's clock
+        is so far ahead that it cannot be joined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from belie.types import PositionClaim
+    >>> def frame(t): return DecodedFrame(index=0, frame=Frame(
+    ...     camera="/cam", stamp_ns=t, received_ns=t, image=np.zeros((4, 4), np.uint8)))
+    >>> def fix(t, received): return PositionClaim(source="/fix", frame_id="enu", kind="gnss",
+    ...     stamp_ns=t, received_ns=received, position_m=np.zeros(3))
+    >>> late_but_joined = [frame(10), frame(20), fix(10, 60), fix(20, 70)]
+    >>> [[c.stamp_ns for c in step.claims]
+    ...  for step in join(late_but_joined, settings=JoinSettings(), counts=JoinCounts())]
+    [[10], [20]]
+    """
+    joiner = _Joiner(settings, counts, periods_ns or {})
+    clock_ns: int | None = None
+    for arrival in arrivals:
+        received_ns = arrival.frame.received_ns if isinstance(arrival, DecodedFrame) else arrival.received_ns
+        # Before the arrival is filed: those that share a receive time are then in, whatever their order.
+        if clock_ns is None or received_ns > clock_ns or joiner.is_full:
+            clock_ns = received_ns if clock_ns is None else max(received_ns, clock_ns)
+            yield from joiner.release(clock_ns)
+        if isinstance(arrival, DecodedFrame):
+            joiner.add_frame(arrival)
+        else:
+            joiner.add_claim(arrival)
+    yield from joiner.release(None)
+    joiner.close()
