@@ -34,8 +34,8 @@ class PaperThresholds(Settings):
     position_step_m2: float = Field(
         20.0,
         gt=0.0,
-        description="T3: mean squared step of a coordinate between two claims above which a position lies [m^2]; 20"
-        " is 4.5 m a coordinate, 7.7 m a step.",
+        description="T3: mean squared step of a coordinate between two claims above which a position lies"
+        " [m^2]; 20 is 4.5 m a coordinate, 7.7 m a step.",
     )
 
 
@@ -92,8 +92,8 @@ def odometry_check(estimate: VisualEstimate, source: str, settings: PaperThresho
         statistic=error,
         threshold=threshold,
         unit="px2",
-        reason=f"{estimate.matches} points moved as claimed miss their corners by {error**0.5:.1f} px (root mean"
-        f" square), {verb} the limit of {threshold**0.5:.1f} px",
+        reason=f"after the best fit {estimate.matches} map points made from the claims miss their corners by"
+        f" {error**0.5:.1f} px (rms), {verb} the limit of {threshold**0.5:.1f} px",
     )
 
 
@@ -151,8 +151,8 @@ def position_check(
         return answer(Status.UNDECIDED, "first position: there is no step to test", None)
     if previous.source != current.source or previous.stamp_ns > current.stamp_ns:
         raise ValueError(
-            f"positions must be consecutive claims of one source, got {previous.source} at {previous.stamp_ns}"
-            f" and {current.source} at {current.stamp_ns}"
+            "positions must be consecutive claims of one source, got"
+            f" {previous.source} at {previous.stamp_ns} and {current.source} at {current.stamp_ns}"
         )
     step = position_step_m2(previous.position_m, current.position_m)
     length_m = float(np.linalg.norm(current.position_m - previous.position_m))

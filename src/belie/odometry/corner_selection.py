@@ -77,12 +77,12 @@ def corner_scores(image: npt.NDArray[np.uint8], px: npt.NDArray[np.float32]) -> 
 
 @njit(cache=True, nogil=True)
 def _mark(mask: npt.NDArray[np.uint8], x: float, y: float, radius: float) -> None:
-    # The mask has half the resolution: a quarter of the memory to clear, and a pixel is fine enough.
-    reach = int(radius * 0.5)
-    column, row = int(x * 0.5), int(y * 0.5)
-    for r in range(max(0, row - reach), min(mask.shape[0], row + reach + 1)):
-        for c in range(max(0, column - reach), min(mask.shape[1], column + reach + 1)):
-            if (r - row) ** 2 + (c - column) ** 2 <= reach * reach:
+    # The mask has half the resolution (a quarter of the memory to clear): its cell (c, r) stands for the
+    # pixels 2c and 2c + 1; the half diagonal is added, so that no pixel within the radius is missed.
+    reach = radius + 0.71
+    for r in range(max(0, int((y - reach) * 0.5)), min(mask.shape[0], int((y + reach) * 0.5) + 1)):
+        for c in range(max(0, int((x - reach) * 0.5)), min(mask.shape[1], int((x + reach) * 0.5) + 1)):
+            if (2.0 * r + 0.5 - y) ** 2 + (2.0 * c + 0.5 - x) ** 2 <= reach * reach:
                 mask[r, c] = 1
 
 
@@ -109,7 +109,7 @@ def spread_evenly(
     wanted : int
         How many to keep; cells are sized to hold four each.
     spacing : float
-        No two kept corners are nearer than this (within 2 px), level pixels.
+        No two kept corners are nearer than this, level pixels.
     occupied, occupied_spacing : array (M, 2), float
         No corner is kept nearer than this to one of those points, level pixels.
 

@@ -20,6 +20,7 @@ from belie.types import Features, GrayImage, Settings
 
 _BORDER_PX = 3  # FAST's ring: tiles overlap by it, so that no corner falls between two
 _STRIDE_PX = 8  # of the contrast samples: 1/64 of the pixels tell a quantile well enough
+_SMALLEST_TILE_PX = 32.0
 _NO_POINTS = np.empty((0, 2), dtype=np.float32)
 
 
@@ -182,6 +183,7 @@ def extract_features(
     wanted = settings.max_corners if max_corners is None else max_corners
     occupied = _NO_POINTS if occupied_px is None else np.asarray(occupied_px, dtype=np.float32).reshape(-1, 2)
     hints = _NO_POINTS.ravel() if previous is None else previous.thresholds
+    tile_px = max(_SMALLEST_TILE_PX, pyramid[0].shape[1] / settings.tile_columns)
     pieces: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]] = []
     thresholds: list[float] = []
     for level, (picture, share) in enumerate(zip(pyramid, _shares(len(pyramid), settings), strict=True)):
@@ -189,7 +191,7 @@ def extract_features(
         area = picture.shape[0] * picture.shape[1]
         # Even where few are wanted: the threshold is the scene's, not the call's.
         raw = settings.max_corners * settings.oversampling * share
-        for tile in _tiles(picture.shape, pyramid[0].shape[1] / settings.tile_columns):
+        for tile in _tiles(picture.shape, tile_px):
             hint = float(hints[len(thresholds)]) if len(thresholds) < len(hints) else 0.0
             part = (tile[1] - tile[0]) * (tile[3] - tile[2]) / area
             px, following = _fast_adaptive(picture, tile, raw * part, hint, settings)

@@ -37,8 +37,8 @@ class LocalMapSettings(Settings):
         15.0,
         gt=0.0,
         description="Most distance between a map point and the corners it was made from [px of their"
-        " level]. As wide as the window of the matching: a tight gate would drop the very points that contradict"
-        " the claimed poses.",
+        " level]. As wide as the window of the matching: a tight gate would drop the very points that"
+        " contradict the claimed poses.",
     )
 
 
