@@ -18,7 +18,7 @@ from belie.attacks.plan import Plan
 from belie.attacks.position import position_steps
 from belie.attacks.source import BodyAxes, Source
 from belie.attacks.spec import AttackSpec, parse_attack
-from belie.attacks.stream import Upstream, nothing_to_attack
+from belie.attacks.stream import Upstream, nothing_to_attack, reading
 from belie.attacks.timing import NS_PER_S, FrameClock
 from belie.types import AlertType, AttackError, Claim, MotionClaim, MountedCamera, PoseClaim, Step
 
@@ -145,14 +145,15 @@ class AttackedRecording:
         claimed = [(p, o) for p, o in zip(self._plans, onsets, strict=True) if p.spec.stream != "camera"]
         present: dict[str, None] = {}
         enough_ns = max((plan.span.start_ns for plan, _ in claimed), default=0) + _LABEL_WAIT_NS
-        for step in self._source.steps() if claimed else ():
-            for claim in step.claims:
-                present.setdefault(f"{claim.source} ({_stream_of(claim)})")
-                for plan, found in claimed:
-                    if plan.selects(claim) and plan.span.holds(claim.stamp_ns):
-                        found[claim.source] = min(claim.stamp_ns, found.get(claim.source, claim.stamp_ns))
-            if step.frame.stamp_ns > enough_ns and all(found for _, found in claimed):
-                break
+        with reading(self._source.steps if claimed else lambda: iter(())) as steps:
+            for step in steps:
+                for claim in step.claims:
+                    present.setdefault(f"{claim.source} ({_stream_of(claim)})")
+                    for plan, found in claimed:
+                        if plan.selects(claim) and plan.span.holds(claim.stamp_ns):
+                            found[claim.source] = min(claim.stamp_ns, found.get(claim.source, claim.stamp_ns))
+                if step.frame.stamp_ns > enough_ns and all(found for _, found in claimed):
+                    break
         for plan, found in claimed:
             if not found:
                 raise nothing_to_attack(plan, tuple(sorted(present)))

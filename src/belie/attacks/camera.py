@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from belie.attacks.plan import Plan
-from belie.attacks.stream import Upstream
+from belie.attacks.stream import Upstream, reading
 from belie.types import Frame, GrayImage, Step
 
 
@@ -18,23 +19,19 @@ def camera_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with the images of the attacked frames forged."""
     held: dict[str, Frame] = {}
     occluders: dict[str, GrayImage] = {}
-    past = _Past(upstream)
-    try:
-        for step in upstream():
+    with reading(upstream) as steps, closing(_Past(upstream)) as past:
+        for step in steps:
             frame = step.frame
             if plan.spec["source"] not in (None, frame.camera):
                 yield step
             elif not plan.span.holds(frame.stamp_ns):
-                # Only the last frame before the onset is ever repeated.
                 if frame.stamp_ns < plan.span.start_ns:
                     held[frame.camera] = frame
                 yield step
             else:
-                held.setdefault(frame.camera, frame)
-                image = _false_image(plan, frame, held[frame.camera], past, occluders)
+                last_honest = held.setdefault(frame.camera, frame)
+                image = _false_image(plan, frame, last_honest, past, occluders)
                 yield replace(step, frame=replace(frame, image=image))
-    finally:
-        past.close()
 
 
 def _false_image(

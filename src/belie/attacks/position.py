@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,10 +11,13 @@ import numpy as np
 from belie.attacks.axes import world_direction
 from belie.attacks.plan import Plan
 from belie.attacks.stale import STALE, StaleForger
-from belie.attacks.stream import Forger, Upstream, forged_steps
+from belie.attacks.stream import Forger, Upstream, forged_steps, reading
 from belie.attacks.translation import TranslationLaw, translation_law
 from belie.geometry import FloatArray
 from belie.types import AttackError, Claim, PoseClaim, PositionClaim, Step
+
+Headings = dict[str, deque[tuple[int, FloatArray]]]
+"""Name of a frame to the recent attitudes ``R_odom_body`` claimed in it, by stamp."""
 
 _COURSE_M = 10.0
 _SHORTEST_COURSE_M = 2.0
@@ -22,14 +25,15 @@ _SHORTEST_COURSE_M = 2.0
 
 def position_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with positions forged; see `forged_steps`."""
-    headings: dict[str, FloatArray] = {}
+    headings: Headings = defaultdict(lambda: deque(maxlen=4096))
 
     def watched() -> Iterator[Step]:
-        for step in upstream():
-            for claim in step.claims:
-                if isinstance(claim, PoseClaim):
-                    headings[claim.frame_id] = claim.T_odom_body.R
-            yield step
+        with reading(upstream) as steps:
+            for step in steps:
+                for claim in step.claims:
+                    if isinstance(claim, PoseClaim):
+                        headings[claim.frame_id].append((claim.stamp_ns, claim.T_odom_body.R))
+                yield step
 
     def forger_of(source: str) -> Forger:
         return StaleForger(plan) if plan.spec.kind in STALE else PositionForger(plan, source, headings)
@@ -44,7 +48,7 @@ class PositionForger:
     and REP 105 maps) and forward is the course over the last 10 m, for a position alone has no heading.
     """
 
-    def __init__(self, plan: Plan, source: str, headings: dict[str, FloatArray]) -> None:
+    def __init__(self, plan: Plan, source: str, headings: Headings) -> None:
         self._plan = plan
         self._rng = plan.random(source)
         self._headings = headings
@@ -86,7 +90,9 @@ class PositionForger:
         if axis in ("x", "y", "z"):
             return world_direction(axis, np.eye(3), self._plan.body_axes)
         if first.frame_id in self._headings:
-            return world_direction(axis, self._headings[first.frame_id], self._plan.body_axes)
+            attitudes = self._headings[first.frame_id]
+            _, R_odom_body = min(attitudes, key=lambda entry: abs(entry[0] - first.stamp_ns))
+            return world_direction(axis, R_odom_body, self._plan.body_axes)
         return world_direction(axis, np.eye(3) if axis == "up" else self._course(first), "flu")
 
     def _course(self, first: PositionClaim) -> FloatArray:

@@ -32,16 +32,19 @@ class StaleForger:
     def before(self, claim: Claim) -> None:
         """Remember an honest claim."""
         history = self._history(claim)
-        history.append(claim)
-        history.last_honest = claim
-        history.forget_before(self._lagged_ns(claim.stamp_ns))
+        if not (history.begun or history.is_late(claim)):
+            history.append(claim)
+            history.last_honest = claim
+            history.forget_before(self._lagged_ns(claim.stamp_ns))
 
     def during(self, claim: Claim) -> Claim:
         """The old claim that is sent instead."""
         history = self._history(claim)
         if history.last_honest is None:
             history.last_honest = claim
-        history.append(claim)
+        history.begun = True
+        if self._lag is not None and not history.is_late(claim):
+            history.append(claim)
         old = self._old(claim.stamp_ns, history, history.last_honest)
         sent = replace(old, stamp_ns=claim.stamp_ns, received_ns=claim.received_ns)
         stands_still = old is history.last_honest and self._plan.spec.kind != "replay"
@@ -80,6 +83,11 @@ class _History:
     def __init__(self) -> None:
         self._claims: deque[Claim] = deque()
         self.last_honest: Claim | None = None
+        # A late honest claim must not change what is being repeated.
+        self.begun = False
+
+    def is_late(self, claim: Claim) -> bool:
+        return bool(self._claims) and claim.stamp_ns < self._claims[-1].stamp_ns
 
     def append(self, claim: Claim) -> None:
         self._claims.append(claim)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Protocol
 
@@ -13,8 +14,28 @@ Upstream = Callable[[], Iterator[Step]]
 """Starts the recording (or the attack below this one) over from its first step."""
 
 
+@contextmanager
+def reading(upstream: Upstream) -> Iterator[Iterator[Step]]:
+    """The steps of `upstream`, closed in the end, so that a reader's decoding thread stops.
+
+    >>> with reading(lambda: iter(())) as steps:
+    ...     list(steps)
+    []
+    """
+    steps = upstream()
+    try:
+        yield steps
+    finally:
+        close = getattr(steps, "close", None)
+        if close is not None:
+            close()
+
+
 class Forger(Protocol):
-    """One attack on one source; it sees the source's claims in the order of their stamps."""
+    """One attack on one source; it sees the source's claims in the order in which they are handed out.
+
+    That is the order of their stamps, but for late ones, which may come after their successors.
+    """
 
     def before(self, claim: Claim) -> None:
         """An honest claim, stamped before the span."""
@@ -64,11 +85,12 @@ def forged_steps(plan: Plan, upstream: Upstream, forger_of: Callable[[str], Forg
         return claim
 
     held: Step | None = None
-    for step in upstream():
-        claims = tuple(forge(claim) if isinstance(claim, PoseClaim) else claim for claim in step.claims)
-        if held is not None:
-            yield _with_others_forged(held, forge)
-        held = replace(step, claims=claims)
+    with reading(upstream) as steps:
+        for step in steps:
+            claims = tuple(forge(claim) if isinstance(claim, PoseClaim) else claim for claim in step.claims)
+            if held is not None:
+                yield _with_others_forged(held, forge)
+            held = replace(step, claims=claims)
     if held is not None:
         yield _with_others_forged(held, forge)
     if not touched:
