@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 from pydantic import Field
 
-from belie.types import Claim, Frame, MotionClaim, PoseClaim, RecordingError, Settings, Step
+from belie.types import Claim, Frame, MotionClaim, RecordingError, Settings, Step
 
 
 class JoinSettings(Settings):
@@ -89,13 +89,14 @@ class DecodedFrame:
 
 @dataclass(slots=True)
 class _Stream:
-    """The claims of one kind from one source that wait for their frame."""
+    """The claims of one source that wait for their frame; a pose and its twist stay together."""
 
     source: str
     waiting: list[tuple[int, int, Claim]] = field(default_factory=list)
     previous_ns: int | None = None
     newest_ns: int | None = None
     handed_ns: int | None = None
+    before_ns: int | None = None
 
     def take(self, frame_ns: int) -> list[tuple[int, int, Claim]]:
         """Every waiting claim up to the frame, and the first after it where none is at its very stamp."""
@@ -103,19 +104,27 @@ class _Stream:
         while self.waiting and self.waiting[0][0] <= frame_ns:
             taken.append(heapq.heappop(self.waiting))
         if taken:
-            self.handed_ns = max(taken[-1][0], self.handed_ns if self.handed_ns is not None else taken[-1][0])
+            newest_ns = taken[-1][0]
+            self.handed_ns = newest_ns if self.handed_ns is None else max(newest_ns, self.handed_ns)
+            self.before_ns = newest_ns if self.before_ns is None else max(newest_ns, self.before_ns)
+        if self.handed_ns is not None and self.handed_ns <= frame_ns:
+            self.before_ns = self.handed_ns
         if self.waiting and (self.handed_ns is None or self.handed_ns < frame_ns):
-            taken.append(heapq.heappop(self.waiting))
-            self.handed_ns = taken[-1][0]
+            self.handed_ns = self.waiting[0][0]
+            while self.waiting and self.waiting[0][0] == self.handed_ns:
+                taken.append(heapq.heappop(self.waiting))
         return taken
+
+    def is_near(self, frame_ns: int, within_ns: float) -> bool:
+        """Whether a claim was handed out that is stamped near the frame, before or after it."""
+        return any(
+            stamp_ns is not None and abs(stamp_ns - frame_ns) <= within_ns
+            for stamp_ns in (self.before_ns, self.handed_ns)
+        )
 
     def reaches(self, frame_ns: int) -> bool:
         """Whether a claim at or after the frame has come."""
         return self.newest_ns is not None and self.newest_ns >= frame_ns
-
-
-def _kind(claim: Claim) -> str:
-    return claim.kind if isinstance(claim, MotionClaim) else type(claim).__name__
 
 
 class _Joiner:
@@ -125,7 +134,7 @@ class _Joiner:
         self.settings, self.counts, self.periods_ns = settings, counts, periods_ns
         self.window_ns = round(settings.reorder_window_ms * 1e6)
         self.patience_ns = max(round(settings.patience_ms * 1e6), self.window_ns)
-        self.streams: dict[tuple[str, str], _Stream] = {}
+        self.streams: dict[str, _Stream] = {}
         self.frames: list[tuple[int, DecodedFrame]] = []
         self.newest_frame_ns: int | None = None
         self.emitted_ns: int | None = None
@@ -138,19 +147,12 @@ class _Joiner:
 
     def add_claim(self, claim: Claim) -> None:
         """File a claim with its stream."""
-        stream = self.streams.setdefault((claim.source, _kind(claim)), _Stream(claim.source))
+        stream = self.streams.setdefault(claim.source, _Stream(claim.source))
         stamp_ns = claim.stamp_ns
         # A twist comes in the message of its pose: what befalls the message is counted once.
-        counted = not (isinstance(claim, MotionClaim) and (claim.source, PoseClaim.__name__) in self.streams)
-        if counted:
-            if stream.previous_ns is not None and stamp_ns < stream.previous_ns:
-                jumped = stream.previous_ns - stamp_ns > self.settings.clock_jump_s * 1e9
-                (self.counts.clock_jumps if jumped else self.counts.out_of_order)[claim.source] += 1
-            elif stamp_ns == stream.previous_ns:
-                self.counts.duplicates[claim.source] += 1
-            if self.emitted_ns is not None and stamp_ns <= self.emitted_ns:
-                self.counts.late[claim.source] += 1
-        stream.previous_ns = stamp_ns
+        if not (isinstance(claim, MotionClaim) and claim.kind == "twist"):
+            self._count(claim, stream)
+            stream.previous_ns = stamp_ns
         stream.newest_ns = stamp_ns if stream.newest_ns is None else max(stamp_ns, stream.newest_ns)
         self.order += 1
         heapq.heappush(stream.waiting, (stamp_ns, self.order, claim))
@@ -160,6 +162,16 @@ class _Joiner:
                 f"stamps of {claim.source} run {ahead_s:.1f} s ahead of the images; "
                 "one of the two clocks is wrong: synchronise them and record again"
             )
+
+    def _count(self, claim: Claim, stream: _Stream) -> None:
+        stamp_ns, previous_ns, counts = claim.stamp_ns, stream.previous_ns, self.counts
+        if previous_ns is not None and stamp_ns < previous_ns:
+            jumped = previous_ns - stamp_ns > self.settings.clock_jump_s * 1e9
+            (counts.clock_jumps if jumped else counts.out_of_order)[claim.source] += 1
+        elif stamp_ns == previous_ns:
+            counts.duplicates[claim.source] += 1
+        if self.emitted_ns is not None and stamp_ns <= self.emitted_ns:
+            counts.late[claim.source] += 1
 
     def add_frame(self, decoded: DecodedFrame) -> None:
         """File a frame; refuse one that belongs before what has gone out."""
@@ -218,17 +230,15 @@ class _Joiner:
         return Step(frame=frame, claims=tuple(entry[2] for entry in claims), decode_ms=decoded.decode_ms)
 
     def _count_missing(self, frame: Frame) -> None:
-        handed: dict[str, int] = {}
-        for stream in self.streams.values():
-            if stream.handed_ns is not None:
-                handed[stream.source] = max(stream.handed_ns, handed.get(stream.source, stream.handed_ns))
         for source, period_ns in self.periods_ns.items():
             if source == frame.camera:
                 if self.emitted_ns is not None:
                     periods = round((frame.stamp_ns - self.emitted_ns) / period_ns)
                     if periods > 1:
                         self.counts.missing[source] += periods - 1
-            elif source not in handed or handed[source] < frame.stamp_ns - 2.0 * period_ns:
+                continue
+            stream = self.streams.get(source)
+            if stream is None or not stream.is_near(frame.stamp_ns, 2.0 * period_ns):
                 self.counts.missing[source] += 1
 
     def close(self) -> None:

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import simplejpeg
 from rosbags.typesys import Stores, get_typestore
-from scipy.spatial.transform import Rotation
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.recordings.geodesy import GeodeticPoint, geodetic_of_enu
@@ -38,6 +37,8 @@ def _vector(values: FloatArray) -> Any:
 
 
 def _quaternion(R: FloatArray) -> Any:
+    from scipy.spatial.transform import Rotation  # slow to import, and only writing needs it
+
     x, y, z, w = (float(v) for v in Rotation.from_matrix(R).as_quat(canonical=True))
     return new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
