@@ -132,10 +132,15 @@ def test_same_input_same_answer(road):
 def test_warm_up_leaves_no_trace_and_nothing_to_compile(road):
     cold, warm = odometry(), odometry()
     warm.warm_up()
+    from belie.geometry import triangulate_rays
     from belie.odometry import corner_selection, correspondence, matching, prediction
 
     kernels = [
+        triangulate_rays,
+        corner_selection.contrast_quantile,
+        corner_selection.corner_scores,
         corner_selection.spread_evenly,
+        correspondence._describe_level,
         correspondence._mutually_best,
         matching._nearest_corners,
         prediction._project_points,

@@ -1,6 +1,7 @@
 """SE(3), cameras, epipolar geometry, triangulation, robust kernels. Depends on nothing else in belie."""
 
 from belie.geometry.camera import CameraModel, DistortionModel
+from belie.geometry.compiled import compiled
 from belie.geometry.projection import flat_camera, project_normalized
 from belie.geometry.robust import huber_cost, huber_weight
 from belie.geometry.se3 import SE3, FloatArray, skew, so3_exp, so3_log
@@ -11,6 +12,7 @@ __all__ = [
     "CameraModel",
     "DistortionModel",
     "FloatArray",
+    "compiled",
     "flat_camera",
     "huber_cost",
     "huber_weight",

@@ -12,9 +12,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from belie.geometry.camera import CameraModel
+from belie.geometry.compiled import compiled
 from belie.geometry.se3 import FloatArray
 
 # The flat camera: 0 kind, 1-4 fx fy cx cy, 5 largest radius², 6-11 k1..k6, 12-13 p1 p2, 14-17 s1..s4,
@@ -69,7 +69,7 @@ def flat_camera(camera: CameraModel) -> FloatArray:
     return flat
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def project_normalized(
     flat: FloatArray, x: float, y: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -121,7 +121,7 @@ def project_normalized(
     return fx * xd + cx, fy * yd + cy, fx * xx, fx * xy, fy * yx, fy * yy
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _equidistant(
     flat: FloatArray, x: float, y: float, r2: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -147,7 +147,7 @@ def _equidistant(
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _through_homography(
     flat: FloatArray, xd: float, yd: float, xx: float, xy: float, yx: float, yy: float
 ) -> tuple[float, float, float, float, float, float]:

@@ -7,10 +7,11 @@ hand. They are compiled, and callable from compiled code.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from belie.geometry.compiled import compiled
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline=True)
 def huber_weight(chi2: float, delta: float) -> float:
     """Weight of the residual in the reweighted normal equations: 1 inside `delta`, ``delta/|r|`` outside.
 
@@ -29,7 +30,7 @@ def huber_weight(chi2: float, delta: float) -> float:
     return 1.0 if chi2 <= delta * delta else delta / np.sqrt(chi2)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline=True)
 def huber_cost(chi2: float, delta: float) -> float:
     """Cost of the residual: chi2 inside `delta`, ``2 delta |r| - delta^2`` outside.
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from belie.geometry.compiled import compiled
 from belie.geometry.se3 import FloatArray
 
 _SINGULAR = 1e-12
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _solve_symmetric_3(A: FloatArray, b: FloatArray, x: FloatArray) -> bool:
     c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[1, 2]
     c01 = A[0, 2] * A[1, 2] - A[0, 1] * A[2, 2]
@@ -33,7 +33,7 @@ def _solve_symmetric_3(A: FloatArray, b: FloatArray, x: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def triangulate_rays(
     centres: FloatArray,
     rays: FloatArray,

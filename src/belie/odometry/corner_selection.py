@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from belie.geometry.compiled import compiled
 
 _RING_PX = 3  # radius of FAST's circle: contrast is measured over the same distance
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def contrast_quantile(
     image: npt.NDArray[np.uint8], y0: int, y1: int, x0: int, x1: int, stride: int, share: float
 ) -> float:
@@ -40,7 +41,7 @@ def contrast_quantile(
     return 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def corner_scores(image: npt.NDArray[np.uint8], px: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Smaller eigenvalue of the mean structure tensor over 5x5 pixels, gray².
 
@@ -61,7 +62,7 @@ def corner_scores(image: npt.NDArray[np.uint8], px: npt.NDArray[np.float32]) -> 
     scores = np.empty(len(px), dtype=np.float32)
     for i in range(len(px)):
         x, y = int(px[i, 0]), int(px[i, 1])
-        xx = yy = xy = 0
+        xx = yy = xy = np.int32(0)
         for v in range(y - 2, y + 3):
             for u in range(x - 2, x + 3):
                 gx = np.int32(image[v, u + 1]) - np.int32(image[v, u - 1])
@@ -75,7 +76,7 @@ def corner_scores(image: npt.NDArray[np.uint8], px: npt.NDArray[np.float32]) -> 
     return scores
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _mark(mask: npt.NDArray[np.uint8], x: float, y: float, radius: float) -> None:
     # The mask has half the resolution (a quarter of the memory to clear): its cell (c, r) stands for the
     # pixels 2c and 2c + 1; the half diagonal is added, so that no pixel within the radius is missed.
@@ -86,7 +87,7 @@ def _mark(mask: npt.NDArray[np.uint8], x: float, y: float, radius: float) -> Non
                 mask[r, c] = 1
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def spread_evenly(
     px: npt.NDArray[np.float32],
     scores: npt.NDArray[np.float32],

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydantic import Field
 
+from belie.geometry.compiled import compiled
 from belie.types import Features, GrayImage, Settings
 
 Patches = npt.NDArray[np.float32]
@@ -50,7 +50,7 @@ class CorrespondenceSettings(Settings):
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _describe_level(
     image: npt.NDArray[np.uint8], px: npt.NDArray[np.float32], scale: float, out: Patches
 ) -> None:
@@ -114,7 +114,7 @@ def describe(pyramid: Sequence[GrayImage], features: Features, scale_factor: flo
     return patches
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@compiled(reassociate=True)
 def _correlation(a: Patches, i: int, b: Patches, j: int) -> np.float32:
     total = np.float32(0.0)
     for k in range(_SIDE * _SIDE):
@@ -122,7 +122,7 @@ def _correlation(a: Patches, i: int, b: Patches, j: int) -> np.float32:
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _mutually_best(
     px_a: npt.NDArray[np.float32],
     level_a: npt.NDArray[np.int8],

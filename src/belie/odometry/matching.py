@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydantic import Field
 
 from belie.geometry import FloatArray
+from belie.geometry.compiled import compiled
 from belie.odometry.prediction import Prediction
 from belie.types import Features, Settings
 
@@ -58,7 +58,7 @@ class Matches:
         return len(self.predicted)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _nearest_corners(
     predicted: FloatArray,
     predicted_level: FloatArray,

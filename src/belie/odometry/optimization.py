@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray, flat_camera, huber_cost, huber_weight
+from belie.geometry.compiled import compiled
 from belie.geometry.projection import project_normalized
 from belie.types import Settings, frozen
 
@@ -78,7 +78,7 @@ class OptimizedPose:
         object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _solve_cholesky_6(A: FloatArray, b: FloatArray, x: FloatArray) -> bool:
     """Solve ``A x = b`` in place of A; False where A is not positive definite."""
     for i in range(6):
@@ -105,7 +105,7 @@ def _solve_cholesky_6(A: FloatArray, b: FloatArray, x: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _retract(R: FloatArray, t: FloatArray, xi: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``(R, t) exp(xi)``."""
     wx, wy, wz = xi[3], xi[4], xi[5]
@@ -133,7 +133,7 @@ def _retract(R: FloatArray, t: FloatArray, xi: FloatArray) -> tuple[FloatArray, 
     return R_new, t_new
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _residuals(
     flat: FloatArray,
     R: FloatArray,
@@ -162,7 +162,7 @@ def _residuals(
     return cost
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _normal_equations(
     flat: FloatArray,
     R: FloatArray,
@@ -207,7 +207,7 @@ def _normal_equations(
             H[c, r] = H[r, c]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _levenberg_marquardt(
     flat: FloatArray,
     R: FloatArray,

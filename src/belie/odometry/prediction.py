@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from belie.geometry import SE3, CameraModel, FloatArray, flat_camera
+from belie.geometry.compiled import compiled
 from belie.geometry.projection import project_normalized
 from belie.types import MapPoints
 
@@ -63,7 +63,7 @@ def constant_velocity(T_odom_before: SE3, T_odom_last: SE3, time_ratio: float) -
     return T_odom_last @ (motion if time_ratio == 1.0 else SE3.exp(time_ratio * motion.log()))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _project_points(
     flat: FloatArray,
     T_cam_odom: FloatArray,
