@@ -42,7 +42,7 @@ class OptimizationSettings(Settings):
     convergence: float = Field(
         1e-7,
         gt=0.0,
-        description="Relative decrease of the cost below which the pose has settled [ratio]; this is well within"
+        description="Relative decrease of the cost below which the pose has settled [ratio]; well within"
         " 1e-3 deg and 1 mm of the optimum.",
     )
     inlier_chi2: float = Field(
