@@ -91,6 +91,7 @@ def _mark(mask: npt.NDArray[np.uint8], x: float, y: float, radius: float) -> Non
 def spread_evenly(
     px: npt.NDArray[np.float32],
     scores: npt.NDArray[np.float32],
+    best_first: npt.NDArray[np.int64],
     min_score: float,
     width: int,
     height: int,
@@ -107,6 +108,8 @@ def spread_evenly(
         Corners of one level, level pixels.
     scores : array (N,)
         Those below `min_score` are refused.
+    best_first : array (N,)
+        Their order by falling score.
     wanted : int
         How many to keep; cells are sized to hold four each.
     spacing : float
@@ -117,8 +120,8 @@ def spread_evenly(
     Examples
     --------
     >>> px = np.array([[10, 10], [12, 10], [90, 10]], np.float32)
-    >>> none = np.empty((0, 2), np.float32)
-    >>> spread_evenly(px, np.array([5, 9, 1], np.float32), 0.5, 100, 20, 2, 6.0, none, 0.0).tolist()
+    >>> scores, none = np.array([5, 9, 1], np.float32), np.empty((0, 2), np.float32)
+    >>> spread_evenly(px, scores, np.argsort(-scores), 0.5, 100, 20, 2, 6.0, none, 0.0).tolist()
     [1, 2]
     """
     if wanted < 1 or len(px) == 0:
@@ -129,7 +132,6 @@ def spread_evenly(
     cell = max(8.0, np.sqrt(4.0 * width * height / wanted))
     columns = int(width / cell) + 1
     taken = np.zeros((int(height / cell) + 1) * columns, dtype=np.int32)
-    best_first = np.argsort(-scores)
     rank = np.full(len(px), -1, dtype=np.int32)
     last_rank = -1
     for i in best_first:

@@ -122,11 +122,27 @@ def _correlation(a: Patches, i: int, b: Patches, j: int) -> np.float32:
     return total
 
 
+@compiled(inline=True)
+def _first_at_least(keys: npt.NDArray[np.float64], value: float) -> int:
+    # np.searchsorted, without the seconds that it takes to compile.
+    low, high = 0, len(keys)
+    while low < high:
+        middle = (low + high) // 2
+        if keys[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @compiled()
 def _mutually_best(
     px_a: npt.NDArray[np.float32],
     level_a: npt.NDArray[np.int8],
     patches_a: Patches,
+    order: npt.NDArray[np.int64],
+    keys: npt.NDArray[np.float64],
+    stride: float,
     px_b: npt.NDArray[np.float32],
     level_b: npt.NDArray[np.int8],
     patches_b: Patches,
@@ -134,35 +150,30 @@ def _mutually_best(
     min_correlation: float,
     max_ratio: float,
 ) -> npt.NDArray[np.int64]:
+    """Partner of every a; the arrays of b come sorted by `keys`, `order` leads back to their numbers."""
     partner = np.full(len(px_a), -1, dtype=np.int64)
-    if len(px_a) == 0 or len(px_b) == 0:
-        return partner
-    # Bands as high as the radius, by column within a band: three runs hold every candidate.
-    stride = float(px_b[:, 0].max()) + 4.0 * radius + 1.0
-    order = np.argsort(np.floor(px_b[:, 1] / radius) * stride + px_b[:, 0])
-    xs, ys, levels, patches = px_b[order, 0], px_b[order, 1], level_b[order], patches_b[order]
-    keys = np.floor(ys / radius) * stride + xs
     best_of_b = np.full(len(px_b), -1, dtype=np.int64)
     score_of_b = np.full(len(px_b), -1.0)
     for i in range(len(px_a)):
         x, y = px_a[i, 0], px_a[i, 1]
         best, second, chosen = -1.0, -1.0, -1
-        band = np.floor(y / radius)
+        band = np.floor(float(y) / radius)
         for row in (band - 1.0, band, band + 1.0):
             last_key = row * stride + x + radius
-            for j in range(np.searchsorted(keys, row * stride + x - radius), len(keys)):
+            for j in range(_first_at_least(keys, row * stride + x - radius), len(keys)):
                 if keys[j] > last_key:
                     break
-                if abs(ys[j] - y) > radius or abs(levels[j] - level_a[i]) > 1:
+                if abs(px_b[j, 1] - y) > radius or abs(level_b[j] - level_a[i]) > 1:
                     continue
-                score = float(_correlation(patches_a, i, patches, j))
+                score = float(_correlation(patches_a, i, patches_b, j))
                 if score > score_of_b[j]:
                     score_of_b[j] = score
                     best_of_b[j] = i
                 if score <= second:
                     continue
                 # A corner found on two levels is one candidate, not a rival of itself.
-                rival = chosen < 0 or abs(xs[j] - xs[chosen]) + abs(ys[j] - ys[chosen]) > _SAME_PX
+                apart = abs(px_b[j, 0] - px_b[chosen, 0]) + abs(px_b[j, 1] - px_b[chosen, 1])
+                rival = chosen < 0 or apart > _SAME_PX
                 if score > best:
                     if rival:
                         second = best
@@ -208,14 +219,24 @@ def correspond(
     ...            CorrespondenceSettings()).tolist()
     [1, 0]
     """
+    if len(px_a) == 0 or len(features_b) == 0:
+        return np.full(len(px_a), -1, dtype=np.int64)
+    # Bands as high as the radius, by column within a band: three runs hold every candidate.
+    px_b = features_b.px.astype(np.float64)
+    stride = float(px_b[:, 0].max()) + 4.0 * radius_px + 1.0
+    keys = np.floor(px_b[:, 1] / radius_px) * stride + px_b[:, 0]
+    order = np.argsort(keys, kind="stable")
     return np.asarray(
         _mutually_best(
             px_a,
             level_a,
             patches_a,
-            features_b.px,
-            features_b.level,
-            patches_b,
+            order,
+            keys[order],
+            stride,
+            features_b.px[order],
+            features_b.level[order],
+            patches_b[order],
             radius_px,
             settings.min_correlation,
             settings.max_ratio,

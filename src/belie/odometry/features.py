@@ -203,6 +203,7 @@ def extract_features(
         kept = spread_evenly(
             px,
             scores,
+            np.argsort(-scores, kind="stable"),
             settings.min_score,
             picture.shape[1],
             picture.shape[0],

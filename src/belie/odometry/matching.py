@@ -72,8 +72,10 @@ def _nearest_corners(
     nearest = np.full(len(predicted), -1, dtype=np.int64)
     if len(predicted) == 0 or len(corners) == 0:
         return nearest
-    columns = int(max(0.0, corners[:, 0].max()) / cell) + 1
-    rows = int(max(0.0, corners[:, 1].max()) / cell) + 1
+    right = bottom = 0.0
+    for i in range(len(corners)):
+        right, bottom = max(right, corners[i, 0]), max(bottom, corners[i, 1])
+    columns, rows = int(right / cell) + 1, int(bottom / cell) + 1
     # Counting sort of the corners into cells: cell k owns members[starts[k]:starts[k + 1]].
     starts = np.zeros(rows * columns + 1, dtype=np.int64)
     bucket = np.empty(len(corners), dtype=np.int64)

@@ -117,7 +117,9 @@ def _retract(R: FloatArray, t: FloatArray, xi: FloatArray) -> tuple[FloatArray, 
         theta = np.sqrt(theta2)
         a, b = np.sin(theta) / theta, (1.0 - np.cos(theta)) / theta2
         c = (1.0 - a) / theta2
-    W = np.array([[0.0, -wz, wy], [wz, 0.0, -wx], [-wy, wx, 0.0]])
+    W = np.zeros((3, 3))
+    W[0, 1], W[0, 2], W[1, 2] = -wz, wy, -wx
+    W[1, 0], W[2, 0], W[2, 1] = wz, -wy, wx
     R_new, t_new = np.empty((3, 3)), t.copy()
     dR, V, W2 = np.eye(3), np.eye(3), np.empty((3, 3))
     for i in range(3):
@@ -226,8 +228,9 @@ def _levenberg_marquardt(
     _normal_equations(flat, R, t, points, observed, inverse_variance, delta, chi2, H, g)
     damping = 1e-4
     for _ in range(max_iterations):
-        damped[:] = H
         for r in range(6):
+            for c in range(6):
+                damped[r, c] = H[r, c]
             damped[r, r] += damping * H[r, r] + 1e-12
         trial_cost = np.inf
         if _solve_cholesky_6(damped, g, xi):

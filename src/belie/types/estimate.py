@@ -28,9 +28,12 @@ class VisualEstimate:
     covariance : array (6, 6)
         Of the right-hand perturbation ``T_prev_cur exp(xi)``, translation first; map units and rad.
     corners, matches, inliers : int
-        Corners found, pairs tried, pairs that agree.
+        Corners found, pairs tried, pairs that agree. No inlier: nothing is known. Inliers and a `reason`: the
+        rotation is known, the translation is not.
     parallax_px : float
         Median displacement of the inliers that rotation does not explain.
+    map_id : int
+        Changes when the map had to be begun anew: its unit has then changed too.
     error_px2 : float or None
         ``e^G`` of equation (6): mean squared reprojection error over level variance.
     reason : str or None
@@ -47,6 +50,7 @@ class VisualEstimate:
     matches: int
     inliers: int
     parallax_px: float
+    map_id: int = 0
     error_px2: float | None = None
     reason: str | None = None
     predicted_px: FloatArray = field(default_factory=_no_points)

@@ -1,0 +1,209 @@
+"""Odometry against the camera: III-B of the paper, scored at the claim instead of after the optimiser.
+
+Compared are two motions between the same two images, the claimed one and the visual one,
+
+    r = ( t_claim - e^s t_visual,  log(R_visual' R_claim) )
+
+with both covariances. A single camera does not see the scale e^s: it is learned from the claim while the claim is
+believed, so a *change* of scale is tested and an absolute one is not. Systematic errors that are estimated beside:
+rotation and lever arm of the camera's mount, and a gain of the visual rotation (an error of the focal length).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from belie.checks.noise_scale import NoiseScaleSettings
+from belie.checks.residual_test import ResidualTest
+from belie.checks.sequential import Evidence, SequentialSettings
+from belie.checks.systematic import SystematicErrors
+from belie.geometry import SE3, FloatArray, skew, so3_log
+from belie.types import CheckResult, Settings, Status, VisualEstimate
+
+_MOUNT, _LEVER, _GAIN, _SCALE = slice(0, 3), slice(3, 6), 6, 7
+_PARAMETERS = 8
+_COMPONENTS = (
+    "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
+    "pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)",
+)  # fmt: skip
+
+
+class OdometrySettings(Settings):
+    """Noise and systematic errors of an honest odometry, and of the camera beside it."""
+
+    translation_noise: float = Field(
+        0.01, gt=0.0,
+        description="standard deviation of a claimed step, each axis [m per m travelled]; 1 % is what wheel and "
+        "inertial odometry reach (KITTI's own reference included)",
+    )  # fmt: skip
+    translation_floor_m: float = Field(0.0002, gt=0.0, description="the same at standstill [m a frame]")
+    rotation_noise_deg: float = Field(
+        0.03, gt=0.0, description="angle random walk of a claimed rotation [deg per sqrt(s)]; a MEMS gyroscope's"
+    )
+    rotation_gain_noise: float = Field(
+        0.02, ge=0.0, description="error of a claimed rotation that grows with it [deg per deg turned]"
+    )
+    clock_jitter_s: float = Field(
+        0.0005, ge=0.0, description="standard deviation between the clocks of claim and camera [s]"
+    )
+    mount_sigma_deg: float = Field(
+        3.0, ge=0.0, description="how askew the camera may sit against its stated mount [deg]"
+    )
+    mount_walk_deg: float = Field(0.3, ge=0.0, description="how the direction error may wander [deg per sqrt(s)]")
+    lever_sigma_m: float = Field(0.1, ge=0.0, description="error of the camera's stated position [m]")
+    gain_sigma: float = Field(
+        0.02, ge=0.0, description="relative error of the visual rotation, from the focal length [1]"
+    )
+    scale_walk: float = Field(
+        0.01, ge=0.0, description="how the scale of the visual map drifts [relative, per sqrt(frame)]"
+    )
+
+
+@dataclass(slots=True)
+class _Scale:
+    """Metres per map unit, as a logarithm; None until claim and images have both moved."""
+
+    log_m: float | None = None
+    map_id: int = -1
+
+
+class OdometryCheck:
+    """Judges one stream of claimed motion (a pose stream or a twist) against the visual motion.
+
+    Parameters
+    ----------
+    source : str
+        The stream's topic.
+    check : str
+        ``odometry`` or ``twist``.
+    tests : int
+        How many residual tests share the stated false-alarm rate.
+
+    Examples
+    --------
+    >>> check = OdometryCheck("/odom", "odometry", tests=1)
+    >>> blind = VisualEstimate(stamp_ns=1, previous_stamp_ns=0, T_prev_cur=SE3.identity(), covariance=np.eye(6),
+    ...     corners=0, matches=0, inliers=0, parallax_px=0.0, reason="dark: mean gray value 3")
+    >>> check.update(blind, SE3.identity()).reason
+    'dark: mean gray value 3'
+    """
+
+    def __init__(
+        self,
+        source: str,
+        check: str,
+        *,
+        tests: int,
+        settings: OdometrySettings | None = None,
+        sequential: SequentialSettings | None = None,
+        noise: NoiseScaleSettings | None = None,
+    ) -> None:
+        self.source, self.check = source, check
+        self.settings = s = settings or OdometrySettings()
+        prior = np.array([np.radians(s.mount_sigma_deg)] * 3 + [s.lever_sigma_m] * 3 + [s.gain_sigma, 1.0])
+        walk = np.array([np.radians(s.mount_walk_deg)] * 3 + [0.0] * 3 + [0.0, s.scale_walk])
+        self._test = ResidualTest(
+            6, SystematicErrors(prior, walk), sequential or SequentialSettings(), noise or NoiseScaleSettings(), tests
+        )
+        self._scale = _Scale()
+        self.evidence: Evidence | None = None
+
+    @property
+    def metres_per_unit(self) -> float | None:
+        """Scale of the visual map learned from this stream, or None while it is unknown."""
+        return None if self._scale.log_m is None else math.exp(self._scale.log_m)
+
+    def update(self, estimate: VisualEstimate, T_prev_cur: SE3 | None) -> CheckResult:
+        """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
+        self.evidence = None
+        interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
+        if T_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:
+            reason = estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
+            return self._undecided(reason)
+        self._test.errors.predict(np.array([interval_s] * (_PARAMETERS - 1) + [1.0]))
+        translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
+        r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
+        evidence = self._test.update(r, H, noise, estimate.stamp_ns, interval_s)
+        self.evidence = evidence
+        if self._scale.log_m is not None:  # the scale's error is folded into the scale
+            self._scale.log_m += float(self._test.errors.mean[_SCALE])
+            self._test.errors.mean[_SCALE] = 0.0
+        return self._result(estimate, evidence, translates, interval_s)
+
+    def _know_scale(self, estimate: VisualEstimate, T_prev_cur: SE3) -> bool:
+        scale = self._scale
+        visual, claimed = float(np.linalg.norm(estimate.T_prev_cur.t)), float(np.linalg.norm(T_prev_cur.t))
+        if scale.log_m is not None and scale.map_id != estimate.map_id:
+            # The new map began with the speed of the old one; how far that was off, nobody knows.
+            self._test.errors.forget(_SCALE, 0.5)
+            scale.map_id = estimate.map_id
+        if scale.log_m is None:
+            spread = math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
+            if visual < 3.0 * spread or claimed < 3.0 * self.settings.translation_floor_m:
+                return False
+            scale.log_m, scale.map_id = math.log(claimed / visual), estimate.map_id
+            self._test.errors.forget(_SCALE, 0.5)
+        return True
+
+    def _residual(
+        self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, translates: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """r (6,), H (6, 8) and the noise (6, 6) of the comparison; see the module's formulas."""
+        s = self.settings
+        R = estimate.T_prev_cur.R
+        omega = so3_log(T_prev_cur.R)
+        metric = (self.metres_per_unit or 1.0) if translates else 0.0
+        t = metric * estimate.T_prev_cur.t
+        # Mount (δ, l): the claim is exp(δ, l) T exp(δ, l)^-1 of the camera's true motion T.
+        H = np.zeros((6, _PARAMETERS))
+        H[:3, _MOUNT] = -skew(t)
+        H[:3, _LEVER] = np.eye(3) - R
+        H[:3, _SCALE] = t
+        H[3:, _MOUNT] = R.T - np.eye(3)
+        H[3:, _GAIN] = -omega
+        A = np.zeros((6, 6))  # covariance of T exp(xi): translations turn with R
+        A[:3, :3], A[3:, 3:] = (metric or 1.0) * R, np.eye(3)
+        noise = A @ estimate.covariance @ A.T
+        distance2 = float(T_prev_cur.t @ T_prev_cur.t)
+        step = s.translation_noise**2 * max(distance2, float(t @ t)) + s.translation_floor_m**2
+        turn = math.radians(s.rotation_noise_deg) ** 2 * interval_s
+        noise[np.diag_indices(6)] += [step] * 3 + [turn] * 3
+        noise[3:, 3:] += s.rotation_gain_noise**2 * np.outer(omega, omega)
+        velocity = np.concatenate([t, omega]) / interval_s
+        noise += 2.0 * s.clock_jitter_s**2 * np.outer(velocity, velocity)
+        r = np.concatenate([T_prev_cur.t - t, so3_log(R.T @ T_prev_cur.R)])
+        if not translates:  # the translation is not tested: nothing of it is known
+            r[:3], H[:3] = 0.0, 0.0
+            noise[:3, 3:] = noise[3:, :3] = 0.0
+        return r, H, noise
+
+    def _result(
+        self, estimate: VisualEstimate, evidence: Evidence, translates: bool, interval_s: float
+    ) -> CheckResult:
+        floor = self._test.floor() / interval_s
+        turn = f"{math.degrees(float(floor[3:].max())):.2g} deg/s"
+        text = f"{float(floor[:3].max()):.2g} m/s, {turn}" if translates else turn
+        if evidence.contradicted:
+            status = Status.CONTRADICTED
+            reason = f"the claimed motion differs from the visual one: {_COMPONENTS[evidence.component]}"
+        elif self._test.missing_frames > 0:
+            status = Status.UNDECIDED
+            reason = f"learning the noise of this stream: {self._test.missing_frames} more frames"
+        elif not translates:
+            status = Status.UNDECIDED
+            reason = estimate.reason or "no baseline: neither claim nor camera has moved; only rotation is checked"
+        else:
+            status, reason = Status.CONSISTENT, "claimed and visual motion agree; scale from this claim's own past"
+        return CheckResult(
+            check=self.check, source=self.source, status=status, statistic=evidence.statistic,
+            threshold=evidence.threshold, unit=evidence.unit, floor=text, reason=reason,
+        )  # fmt: skip
+
+    def _undecided(self, reason: str) -> CheckResult:
+        return CheckResult(
+            check=self.check, source=self.source, status=Status.UNDECIDED, unit="llr", reason=reason
+        )

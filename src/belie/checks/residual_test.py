@@ -1,0 +1,78 @@
+"""One residual, tested: systematic errors removed, noise scaled to what is seen, evidence added up over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from belie.checks.noise_scale import NoiseScale, NoiseScaleSettings
+from belie.checks.sequential import CusumBank, Evidence, SequentialSettings
+from belie.checks.systematic import SystematicErrors
+from belie.geometry import FloatArray
+
+
+class ResidualTest:
+    """Whitens a residual against everything that is no lie, and runs the sequential tests on what is left.
+
+    Nothing is learned from a frame that is contradicted: a lie never becomes the new normal.
+
+    Parameters
+    ----------
+    components : int
+        Length of the residual.
+    errors : SystematicErrors
+        Parameters that may explain a steady residual.
+    tests : int
+        How many residual tests share the stated false-alarm rate.
+
+    Examples
+    --------
+    >>> errors = SystematicErrors(np.array([0.1]), np.array([0.0]))
+    >>> test = ResidualTest(1, errors, SequentialSettings(), NoiseScaleSettings(), tests=1)
+    >>> rng, H, noise = np.random.default_rng(0), np.eye(1), np.array([[1e-4]])
+    >>> clean = [test.update(rng.normal(0, 0.01, 1) + 0.05, H, noise, i * 10**8, 0.1) for i in range(200)]
+    >>> any(e.contradicted for e in clean)
+    False
+    >>> lie = [test.update(rng.normal(0, 0.01, 1) + 0.1, H, noise, i * 10**8, 0.1) for i in range(200, 210)]
+    >>> lie[-1].contradicted
+    True
+    """
+
+    def __init__(
+        self,
+        components: int,
+        errors: SystematicErrors,
+        sequential: SequentialSettings,
+        noise: NoiseScaleSettings,
+        tests: int,
+    ) -> None:
+        self.errors = errors
+        self._scale = NoiseScale(components, noise)
+        self._bank = CusumBank(components, sequential, tests)
+        self._previous = np.zeros(components)
+        self.sigma = np.full(components, np.inf)
+
+    @property
+    def missing_frames(self) -> int:
+        """How many believed frames are missing before the noise is known; until then only jumps are caught."""
+        return self._scale.missing_frames
+
+    def update(
+        self, r: FloatArray, H: FloatArray, noise: FloatArray, stamp_ns: int, interval_s: float
+    ) -> Evidence:
+        """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`."""
+        innovation, S = self.errors.innovation(r, H, noise)
+        scale = self._scale.value
+        scaled = S + np.outer(scale, scale) * noise - noise
+        self.sigma = np.sqrt(np.diag(scaled))
+        x = (innovation - self._scale.offset * np.sqrt(np.diag(S))) / self.sigma
+        white = (x - self._scale.correlation * self._previous) / np.sqrt(1.0 - self._scale.correlation**2)
+        evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
+        self._previous = x
+        if not evidence.contradicted:
+            self._scale.learn(innovation / np.sqrt(np.diag(S)))
+            self.errors.learn(innovation, scaled, H)
+        return evidence
+
+    def floor(self, frames: int = 10) -> FloatArray:
+        """Steady lie a frame, in the units of each component, found within `frames` frames on average."""
+        return np.asarray(self._bank.smallest_shift(frames) * self.sigma)

@@ -1,0 +1,310 @@
+"""The conductor of the default profile: images in, camera motion out; no claim comes near it."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from belie.geometry import SE3, CameraModel, FloatArray
+from belie.odometry.depth_filter import TrackedCorners
+from belie.odometry.features import FeatureSettings, extract_features
+from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
+from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
+from belie.odometry.two_view import relative_pose_from_scratch, rotation_between
+from belie.types import Frame, GrayImage, Settings, VisualEstimate
+from belie.types.features import Features
+
+_LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
+_LEAST_AGREEING = 0.3  # share of the corners; fewer, and the motion may be that of a passing lorry
+_UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
+
+
+class VisualOdometrySettings(Settings):
+    """Motion from images, default profile."""
+
+    corners: int = Field(400, ge=50, le=5000, description="corners followed at a time [count]")
+    working_width_px: int = Field(
+        1300, ge=160,
+        description="images wider than this are halved until they fit [px]; 0.1 px of 1000 is 0.006 deg, finer "
+        "than any claim we judge",
+    )  # fmt: skip
+    baseline_px: float = Field(
+        2.0, gt=0.0,
+        description="median parallax, rotation removed, before a first pair of frames is trusted to show a "
+        "direction of motion [px at working size]; ten times the error of a tracked corner",
+    )  # fmt: skip
+    depth_drift: float = Field(
+        0.05, ge=0.0, le=1.0,
+        description="relative error that a point's depth gains a frame [1]; 0.3 px of calibration error over 6 px "
+        "of parallax",
+    )  # fmt: skip
+    calibration_error: float = Field(
+        0.004, ge=0.0,
+        description="error of a corner's displacement that is the calibration's fault [px per px]: of the focal "
+        "length and of the distortion's slope",
+    )  # fmt: skip
+    independent_corners: int = Field(
+        50, ge=6,
+        description="corners whose errors are independent [count]: errors of calibration and rolling shutter are "
+        "shared by neighbours over about a seventh of the image's side",
+    )  # fmt: skip
+
+
+class VisualOdometry:
+    """Frame by frame motion of one camera.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Of the images as they come, full resolution.
+    settings, features, tracking
+        See the classes.
+
+    Examples
+    --------
+    >>> camera = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
+    >>> odometry = VisualOdometry(camera)
+    >>> gray = np.zeros((120, 160), np.uint8)
+    >>> odometry.update(Frame(camera="/image", stamp_ns=0, received_ns=0, image=gray)).reason
+    'dark: mean gray value 0'
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        settings: VisualOdometrySettings | None = None,
+        tracking: TrackingSettings | None = None,
+        features: FeatureSettings | None = None,
+    ) -> None:
+        self.settings = settings or VisualOdometrySettings()
+        self.tracking = tracking or TrackingSettings()
+        self.features = features or FeatureSettings(levels=2, scale_factor=2.0, distinct_levels=True)
+        self._shrink = 1
+        while camera.width / self._shrink > self.settings.working_width_px:
+            self._shrink *= 2
+        self._camera = camera.scaled(1.0 / self._shrink)
+        self._focal_px = math.sqrt(self._camera.fx * self._camera.fy)
+        self._pyramid: Pyramid = ()
+        self._map_id = 0
+        self._corners = TrackedCorners()
+        self._last_features: Features | None = None
+        self._forget_motion()
+
+    def _forget_motion(self) -> None:
+        self._T_cur_prev = SE3.identity()
+        self._interval_ns = 0
+        self._stamp_ns = -1
+        self._has_scale = False
+        self._unit = 1.0
+        self._sigma_px = 0.2
+        self._anchor = np.empty((0, 2))
+
+    def update(self, frame: Frame) -> VisualEstimate:
+        """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
+        pyramid = build_pyramid(self._working_image(frame.image), self.tracking.levels)  # F_t
+        previous_ns, interval_ns = self._stamp_ns, frame.stamp_ns - self._stamp_ns
+        if not self._pyramid or previous_ns < 0:
+            return self._start(frame, pyramid)
+        rays = self._rays(self._corners.px)
+        predicted = self._predict(rays, interval_ns)  # (4), (5)
+        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
+        tried = len(found)
+        self._corners.keep(verified)
+        self._anchor = self._anchor[verified]
+        rays, found, predicted = rays[verified], found[verified], predicted[verified]
+        had_scale = self._has_scale
+        pose = self._optimize(rays, found, interval_ns)  # Θ, (6)
+        agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
+        if pose is None or agreeing < _LEAST_AGREEING:
+            return self._lost(frame, pyramid, tried, len(found))
+        estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
+        self._learn_noise(pose)
+        sane = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
+        kept = sane & (pose.chi2 < 16.0)
+        self._corners.keep(kept)
+        self._anchor = self._anchor[kept]
+        self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
+        self._take(frame, pyramid)
+        return estimate
+
+    # -- stages ------------------------------------------------------------------------------------
+
+    def _working_image(self, image: GrayImage) -> GrayImage:
+        if self._shrink == 1:
+            return image
+        size = (self._camera.width, self._camera.height)
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+    def _rays(self, px: FloatArray) -> FloatArray:
+        return np.column_stack([self._camera.normalize(px), np.ones(len(px))])
+
+    def _predict(self, rays: FloatArray, interval_ns: int) -> FloatArray:
+        motion = self._T_cur_prev
+        if self._interval_ns > 0 and interval_ns != self._interval_ns:
+            motion = SE3.exp(motion.log() * (interval_ns / self._interval_ns))
+        points = self._corners.predict(rays, motion)
+        points[:, 2] = np.maximum(points[:, 2], 1e-3)
+        return self._camera.project(points)
+
+    def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
+        if len(found) < _LEAST_TRACKS:
+            return None
+        current = self._camera.normalize(found)
+        sigma = self._sigma_px / self._focal_px
+        if not self._has_scale:
+            return self._first_baseline(rays, current, sigma)
+        corners = self._corners
+        ratio = interval_ns / self._interval_ns if self._interval_ns > 0 else 1.0
+        guesses = [SE3.exp(self._T_cur_prev.log() * ratio)]
+        best: RelativePose | None = None
+        for attempt in range(2):
+            for guess in guesses:
+                pose = estimate_relative_pose(
+                    rays[:, :2], current, corners.inverse_depth, corners.variance, guess, sigma=sigma
+                )
+                if best is None or np.minimum(pose.chi2, 9.0).sum() < np.minimum(best.chi2, 9.0).sum():
+                    best = pose
+            if attempt == 0 and best is not None and float(best.inliers.mean()) > 0.6:
+                break
+            # The motion changed more than the optimiser could follow: begin from rest and from scratch.
+            R, _ = rotation_between(rays[:, :2], current, sigma)
+            guesses = [SE3(R, np.zeros(3))]
+            scratch = relative_pose_from_scratch(rays[:, :2], current, sigma)
+            if scratch is not None:
+                guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(self._T_cur_prev.t))))
+        return best
+
+    def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
+        """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
+        corners = self._corners
+        R, parallax = rotation_between(rays[:, :2], current, sigma)
+        _, since_anchor = rotation_between(self._anchor, current, sigma)
+        inverse_depth, variance = corners.inverse_depth, corners.variance
+        if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
+            pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
+            if pose is not None:
+                # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
+                z_ratio = self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
+                z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
+                turned = rays @ R[2]
+                inverse_depth = np.nan_to_num(pose.inverse_depth / z_ratio * turned, nan=-1.0)
+                variance = pose.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2
+                self._has_scale = True
+        spread = float(np.median(parallax)) ** 2 + sigma * sigma
+        residual = current - _project(rays @ R.T)
+        return RelativePose(
+            T_cur_prev=SE3(R, np.zeros(3)),
+            covariance=np.diag([_UNOBSERVED] * 3 + [spread] * 3) / self.settings.independent_corners,
+            inverse_depth=inverse_depth,
+            inverse_depth_variance=variance,
+            chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
+        )
+
+    def _anchor_rays(self) -> FloatArray:
+        return np.column_stack([self._anchor, np.ones(len(self._anchor))])
+
+    def _motion_since_anchor(self, current: FloatArray, sigma: float, parallax: float) -> RelativePose | None:
+        scratch = relative_pose_from_scratch(self._anchor, current, sigma)
+        if scratch is None:
+            return None
+        typical = np.full(len(current), max(parallax / self._unit, 1e-9))
+        pose = estimate_relative_pose(
+            self._anchor, current, typical, (10.0 * typical) ** 2, SE3(scratch.R, scratch.t * self._unit),
+            sigma=sigma, fix_length=True,
+        )  # fmt: skip
+        return pose if float(pose.inliers.mean()) >= 2.0 * _LEAST_AGREEING else None
+
+    def _answer(
+        self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
+        predicted: FloatArray, pose: RelativePose, had_scale: bool,
+    ) -> VisualEstimate:  # fmt: skip
+        inliers = pose.inliers
+        rotated = _project(rays @ pose.T_cur_prev.R.T)
+        parallax = np.linalg.norm(self._camera.normalize(found) - rotated, axis=1)[inliers] * self._focal_px
+        # Errors of calibration grow with the way that a corner went, and neighbours share them.
+        way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
+        shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
+        inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners)
+        observable = had_scale
+        return VisualEstimate(
+            stamp_ns=frame.stamp_ns,
+            previous_stamp_ns=previous_ns,
+            T_prev_cur=pose.T_cur_prev.inverse(),
+            covariance=pose.covariance * inflation,
+            corners=tried,
+            matches=len(found),
+            inliers=int(inliers.sum()),
+            parallax_px=float(np.median(parallax)) * self._shrink if len(parallax) else 0.0,
+            map_id=self._map_id,
+            error_px2=float(np.mean(pose.chi2[inliers])) * self._sigma_px**2 * self._shrink**2,
+            reason=None if observable else "no baseline yet: the camera has not moved enough to show a direction",
+            predicted_px=self._full(predicted),
+            observed_px=self._full(found),
+        )
+
+    def _full(self, px: FloatArray) -> FloatArray:
+        return (px + 0.5) * self._shrink - 0.5
+
+    def _learn_noise(self, pose: RelativePose) -> None:
+        # The median of chi2 lies between 0.45 (one degree of freedom) and 1.39 (two): 0.7 is half-way in ratio.
+        median = float(np.median(pose.chi2[pose.inliers])) if pose.inliers.any() else 0.7
+        if self._has_scale:
+            self._sigma_px = min(max(self._sigma_px * math.sqrt(0.9 + 0.1 * median / 0.7), 0.05), 1.0)
+
+    def _take(self, frame: Frame, pyramid: Pyramid) -> None:
+        """Keep the image, and follow new corners where the old ones have left."""
+        corners = self._corners
+        missing = self.settings.corners - len(corners)
+        if missing > self.settings.corners // 10:
+            self._last_features = extract_features(
+                pyramid[: self.features.levels], self.features, previous=self._last_features,
+                occupied_px=corners.px, max_corners=missing,
+            )  # fmt: skip
+            fresh = self._last_features.px.astype(np.float64)
+            corners.add(fresh, corners.typical_inverse_depth())
+            self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
+        self._pyramid = pyramid
+        self._stamp_ns = frame.stamp_ns
+
+    def _start(self, frame: Frame, pyramid: Pyramid, reason: str = "first frame") -> VisualEstimate:
+        self._corners = TrackedCorners()
+        self._anchor = np.empty((0, 2))
+        self._take(frame, pyramid)
+        nothing = why_nothing_is_seen(pyramid[0], len(self._corners))
+        return self._nothing(frame, nothing or reason, len(self._corners), 0)
+
+    def _lost(self, frame: Frame, pyramid: Pyramid, tried: int, matches: int) -> VisualEstimate:
+        unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
+        previous_ns = self._stamp_ns
+        self._forget_motion()
+        self._map_id += 1
+        self._unit = unit
+        self._corners = TrackedCorners()
+        self._take(frame, pyramid)
+        reason = why_nothing_is_seen(pyramid[0], len(self._corners)) or (
+            f"lost: {matches} of {tried} corners found again (motion blur, dropped frames, or another scene)"
+        )
+        return self._nothing(frame, reason, tried, matches, previous_ns)
+
+    def _nothing(
+        self, frame: Frame, reason: str, corners: int, matches: int, previous_ns: int | None = None
+    ) -> VisualEstimate:
+        return VisualEstimate(
+            stamp_ns=frame.stamp_ns,
+            previous_stamp_ns=frame.stamp_ns if previous_ns is None else previous_ns,
+            T_prev_cur=SE3.identity(),
+            covariance=np.eye(6) * _UNOBSERVED,
+            corners=corners,
+            matches=matches,
+            inliers=0,
+            parallax_px=0.0,
+            reason=reason,
+        )
+
+
+def _project(points: FloatArray) -> FloatArray:
+    return np.asarray(points[:, :2] / np.maximum(points[:, 2:3], 1e-6))
