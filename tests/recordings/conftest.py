@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Nodetype
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 PERIOD_NS = 100_000_000
@@ -178,13 +178,14 @@ class Bag:
         self.messages = [entry for entry in self.messages if entry[0] != topic]
         return self
 
-    def write(self) -> Path:
-        """Write the bag; returns the file (MCAP, sqlite3: inside the bag's folder)."""
+    def write(self, compression: CompressionMode = CompressionMode.NONE) -> Path:
+        """Write the bag; returns the file (in the bag's folder), or the folder if it is compressed."""
         if self.kind == "ros1":
             writer: Any = rosbag1.Writer(self.path)
         else:
             plugin = StoragePlugin.MCAP if self.kind == "mcap" else StoragePlugin.SQLITE3
             writer = rosbag2.Writer(self.path, version=9, storage_plugin=plugin)
+            writer.set_compression(compression, CompressionFormat.ZSTD)
         with writer:
             connections: dict[tuple[str, str], Any] = {}
             for topic, message_type, received_ns, data in self.messages:
@@ -192,7 +193,8 @@ class Bag:
                 if key not in connections:
                     connections[key] = writer.add_connection(topic, message_type, typestore=self.store)
                 writer.write(connections[key], received_ns, data)
-        return self.path if self.kind == "ros1" else next(self.path.glob("bag.*"))
+        whole = self.kind == "ros1" or compression != CompressionMode.NONE
+        return self.path if whole else next(self.path.glob("bag.*"))
 
 
 @pytest.fixture

@@ -1,10 +1,12 @@
 """Bags of every storage: streams, calibration, extrinsics, claims, and one clear line for each fault."""
 
 import contextlib
+import sqlite3
 import threading
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import CompressionMode
 
 from belie.recordings import open_recording
 from belie.types import CalibrationError, MotionClaim, PoseClaim, PositionClaim, RecordingError, TopicError
@@ -43,6 +45,21 @@ def test_every_storage_gives_the_same_steps(new_bag, textured, kind, format):
     np.testing.assert_allclose(mounted.T_body_cam.R @ [0, 0, 1], [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(mounted.T_body_cam.t, [0.5, 0.0, 1.0])
     assert (mounted.model.fx, mounted.model.model) == (60.0, "pinhole")
+
+
+def test_bags_without_definitions_take_the_usual_ones(new_bag):
+    file = new_bag("sqlite3").drive().write()
+    with contextlib.closing(sqlite3.connect(file)) as database, database:
+        database.execute("DELETE FROM message_definitions")
+    assert len(list(open_recording(file).steps())) == 5
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.MESSAGE, CompressionMode.FILE])
+def test_compressed_bags(new_bag, mode):
+    folder = new_bag("sqlite3").drive().write(compression=mode)
+    recording = open_recording(folder)
+    assert len(list(recording.steps())) == 5
+    assert {stream.topic: stream.count for stream in recording.streams}["/odom"] == 5
 
 
 def test_folder_misnamed_file_and_folder_without_metadata_open_alike(new_bag, tmp_path):
@@ -208,6 +225,13 @@ def test_image_frame_that_is_the_body_needs_no_transform_but_another_does(new_ba
     with pytest.raises(CalibrationError, match="no transform from base_link to cam on /tf_static") as error:
         open_recording(bare)
     one_line(error)
+
+
+def test_images_without_a_frame(new_bag):
+    bag = new_bag().drive(2).without("/cam/image_raw")
+    bag.image(START_NS, frame_id="")
+    with pytest.raises(CalibrationError, match="base_link to an unnamed frame"):
+        open_recording(bag.write())
 
 
 def test_empty_child_frame_falls_back_to_base_link(new_bag):

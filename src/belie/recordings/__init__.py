@@ -5,7 +5,8 @@ installation is needed.
 """
 
 from belie.recordings.geodesy import GeodeticPoint
-from belie.recordings.join import JoinCounts, JoinSettings
+from belie.recordings.join_counts import JoinCounts
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.opening import open_recording
 from belie.recordings.recording import BodyAxes, Recording, StreamInfo
 from belie.recordings.writer import write_mcap

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
 from belie.recordings.images import UndecodableImageError
-from belie.recordings.join import DecodedFrame, JoinCounts
-from belie.types import Claim, Frame, GrayImage, MountedCamera, RecordingError
+from belie.recordings.join import DecodedFrame, join
+from belie.recordings.join_counts import JoinCounts
+from belie.recordings.join_settings import JoinSettings
+from belie.recordings.prefetch import prefetch
+from belie.types import Claim, Frame, GrayImage, MountedCamera, RecordingError, Step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,6 +24,18 @@ class RawImage:
     stamp_ns: int
     received_ns: int
     payload: Any
+
+
+def steps_of(
+    arrivals: Generator[Claim | DecodedFrame, None, None],
+    *,
+    settings: JoinSettings,
+    counts: JoinCounts,
+    periods_ns: Mapping[str, float],
+) -> Iterator[Step]:
+    """Read `arrivals` ahead in a thread and join them; closing the iterator stops the thread."""
+    with closing(prefetch(arrivals)) as ahead:
+        yield from join(ahead, settings=settings, counts=counts, periods_ns=periods_ns)
 
 
 def decode_frames(

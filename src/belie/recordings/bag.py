@@ -10,24 +10,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from belie.geometry import SE3, CameraModel, FloatArray
 from belie.recordings import topics as ros
-from belie.recordings.arrivals import RawImage, decode_frames
-from belie.recordings.calibration import CameraInfo, camera_model
-from belie.recordings.claims import FixReader, ImuReader, OdometryReader, PoseReader, fix_of
+from belie.recordings.arrivals import RawImage, decode_frames, steps_of
+from belie.recordings.claims import FixReader, ImuReader, OdometryReader, PoseReader
+from belie.recordings.first_messages import (
+    FirstImage,
+    body_frame,
+    decode_message,
+    first_camera,
+    first_fix,
+    first_message,
+    fixed_frames,
+    odometry_child,
+)
 from belie.recordings.geodesy import GeodeticPoint
-from belie.recordings.images import GrayDecoder, UndecodableImageError
-from belie.recordings.join import DecodedFrame, JoinCounts, JoinSettings, join
-from belie.recordings.prefetch import prefetch
+from belie.recordings.images import GrayDecoder
+from belie.recordings.join import DecodedFrame
+from belie.recordings.join_counts import JoinCounts
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.recording import BodyAxes, StreamInfo
 from belie.recordings.storage import BagFormat, OpenBag, opened
 from belie.recordings.transforms import TransformTree, frame_name
-from belie.types import CalibrationError, Claim, GrayImage, MountedCamera, RecordingError, Step
+from belie.types import Claim, MountedCamera, RecordingError, Step
 
 ClaimReader = Callable[[Any, int, int], tuple[Claim, ...]]
-
-_SMALLEST_IMAGE_PX = 16
-_TRIES = 10
 
 
 class BagRecording:
@@ -64,13 +70,13 @@ class BagRecording:
             if not any(topic.count for topic in self._topics):
                 raise RecordingError(f"{path} holds no messages; the recording was empty")
             self._chosen = ros.choose(self._topics, **named)
-            image = _FirstImage(bag, self._chosen.image)
+            image = FirstImage(bag, self._chosen.image)
             odometry = self._chosen.odometry
-            body = _odometry_child(bag, odometry) if odometry is not None else ""
-            frames = _fixed_frames(bag)
-            body = body or _body_frame(frames, image.frame, claims=bool(self._chosen.claims))
+            body = odometry_child(bag, odometry) if odometry is not None else ""
+            frames = fixed_frames(bag)
+            body = body or body_frame(frames, image.frame, claims=bool(self._chosen.claims))
             self._readers = self._claim_readers(bag, frames, body)
-            model = _camera_model(bag, self._chosen, image, by_name=named.get("camera_info") is not None)
+            model = first_camera(bag, self._chosen, image, by_name=named.get("camera_info") is not None)
         T_body_cam = frames.require(body, image.frame)
         self._camera = ros.camera_name(self._chosen.image.name)
         self.cameras: Mapping[str, MountedCamera] = {
@@ -91,14 +97,14 @@ class BagRecording:
         elif odometry is not None:
             readers[odometry.name] = lambda: PoseReader(odometry.name, as_odometry=True)
         if position is not None and position.message_type == ros.FIX:
-            origin, lever_m = _first_fix(bag, position, frames, body)
+            origin, lever_m = first_fix(bag, position, frames, body)
             self.geodetic_origin = origin
             if origin is not None:
                 readers[position.name] = lambda: FixReader(position.name, origin=origin, lever_m=lever_m)
         elif position is not None:
             readers[position.name] = lambda: PoseReader(position.name, as_odometry=False)
         if imu is not None:
-            frame = frame_name(_first(bag, imu).header.frame_id)
+            frame = frame_name(first_message(bag, imu).header.frame_id)
             R_body_imu = frames.require(body, frame, instead="; or leave the IMU out with --imu none").R
             readers[imu.name] = lambda: ImuReader(imu.name, R_body_imu)
         return readers
@@ -133,8 +139,9 @@ class BagRecording:
             for stream in self.streams
             if stream.rate_hz and stream.topic in {self._chosen.image.name, *self._readers}
         }
-        arrivals = prefetch(self._arrivals(counts))
-        return join(arrivals, settings=self._join_settings, counts=counts, periods_ns=periods_ns)
+        return steps_of(
+            self._arrivals(counts), settings=self._join_settings, counts=counts, periods_ns=periods_ns
+        )
 
     def _arrivals(self, counts: JoinCounts) -> Generator[Claim | DecodedFrame, None, None]:
         decoder = GrayDecoder(self._camera)
@@ -173,20 +180,6 @@ class BagRecording:
             yield from claims
 
 
-def decode_message(decoder: GrayDecoder, message: Any) -> GrayImage:
-    """A ``sensor_msgs/Image`` or ``CompressedImage`` to gray."""
-    if hasattr(message, "encoding"):
-        return decoder.raw(
-            message.data,
-            encoding=message.encoding,
-            height=int(message.height),
-            width=int(message.width),
-            step=int(message.step),
-            big_endian=bool(message.is_bigendian),
-        )
-    return decoder.compressed(message.data)
-
-
 def _topics_of(bag: OpenBag) -> tuple[ros.Topic, ...]:
     counts: dict[tuple[str, str], int] = {}
     for connection in bag.connections:
@@ -195,113 +188,4 @@ def _topics_of(bag: OpenBag) -> tuple[ros.Topic, ...]:
     return tuple(
         ros.Topic(name=name, message_type=message_type, count=count)
         for (name, message_type), count in sorted(counts.items())
-    )
-
-
-def _first(bag: OpenBag, topic: ros.Topic) -> Any:
-    for connection, _, data in bag.messages([topic.name]):
-        return bag.deserialize(connection, data)
-    raise RecordingError(
-        f"{topic.name} in {bag.path} has no messages, although its index counts {topic.count}"
-    )
-
-
-class _FirstImage:
-    """Frame and size of a bag's images, from the first that can be decoded."""
-
-    def __init__(self, bag: OpenBag, topic: ros.Topic) -> None:
-        decoder = GrayDecoder(topic.name)
-        error = "no message"
-        for tries, (connection, _, data) in enumerate(bag.messages([topic.name])):
-            if tries == _TRIES:
-                break
-            try:
-                message = bag.deserialize(connection, data)
-                image = decode_message(decoder, message)
-            except UndecodableImageError as said:
-                error = str(said)
-                continue
-            except RecordingError as said:
-                if "cannot be read as" not in str(said):
-                    raise
-                error = str(said)
-                continue
-            self.frame = frame_name(message.header.frame_id)
-            self.size = (image.shape[1], image.shape[0])
-            if min(self.size) < _SMALLEST_IMAGE_PX:
-                raise RecordingError(
-                    f"images on {topic.name} are {self.size[0]}x{self.size[1]} pixels; "
-                    f"too small to see motion in: at least {_SMALLEST_IMAGE_PX} pixels a side are needed"
-                )
-            return
-        raise RecordingError(f"none of the first images of {topic.name} can be decoded ({error})")
-
-
-def _odometry_child(bag: OpenBag, odometry: ros.Topic) -> str:
-    if odometry.message_type != ros.ODOMETRY:
-        return ""
-    return frame_name(_first(bag, odometry).child_frame_id)
-
-
-def _fixed_frames(bag: OpenBag) -> TransformTree:
-    frames = TransformTree()
-    seen: set[bytes] = set()
-    for connection, _, data in bag.messages(["/tf_static"]):
-        # Some publishers repeat the tree every second: each message is read once.
-        if connection.msgtype not in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage") or data in seen:
-            continue
-        seen.add(data)
-        for edge in bag.deserialize(connection, data).transforms:
-            q, t = edge.transform.rotation, edge.transform.translation
-            try:
-                T_parent_child = SE3.from_quat_xyzw([q.x, q.y, q.z, q.w], [t.x, t.y, t.z])
-            except ValueError as error:
-                raise CalibrationError(
-                    f"/tf_static: the transform {edge.header.frame_id} to {edge.child_frame_id} "
-                    f"cannot be used: {error}"
-                ) from error
-            frames.add(edge.header.frame_id, edge.child_frame_id, T_parent_child)
-    return frames
-
-
-def _body_frame(frames: TransformTree, image_frame: str, *, claims: bool) -> str:
-    """The body's frame where no odometry names it."""
-    if not claims:
-        return image_frame  # nothing is claimed of any other body
-    for name in ("base_link", "base_footprint"):
-        if name in frames.frames:
-            return name
-    root = frames.root(image_frame)
-    return root if root in frames.frames else "base_link"
-
-
-def _first_fix(
-    bag: OpenBag, topic: ros.Topic, frames: TransformTree, body: str
-) -> tuple[GeodeticPoint | None, FloatArray | None]:
-    """The first valid fix, and where the antenna sits on the body (None: at its origin, or unknown)."""
-    for connection, _, data in bag.messages([topic.name]):
-        message = bag.deserialize(connection, data)
-        point = fix_of(message)
-        if point is not None:
-            T_body_antenna = frames.find(body, message.header.frame_id)
-            at_origin = T_body_antenna is None or not T_body_antenna.t.any()
-            return point, None if at_origin or T_body_antenna is None else T_body_antenna.t
-    return None, None
-
-
-def _camera_model(bag: OpenBag, chosen: ros.Choice, image: _FirstImage, *, by_name: bool) -> CameraModel:
-    message = _first(bag, chosen.camera_info)
-    info_frame = frame_name(message.header.frame_id)
-    beside = ros.camera_name(chosen.image.name).rsplit("/", 1)[0] + "/camera_info"
-    foreign = chosen.camera_info.name != beside and info_frame and info_frame != image.frame
-    if foreign and not by_name:
-        raise CalibrationError(
-            f"{chosen.camera_info.name} is of frame {info_frame}, the images {chosen.image.name} of frame "
-            f"{image.frame}; record {beside}, or choose the image that belongs to it with --image"
-        )
-    return camera_model(
-        CameraInfo.from_message(message),
-        image_size=image.size,
-        rectified=ros.camera_name(chosen.image.name).rsplit("/", 1)[-1].startswith("image_rect"),
-        where=chosen.camera_info.name,
     )

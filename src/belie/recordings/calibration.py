@@ -203,12 +203,22 @@ def matrix_of(content: Mapping[str, Any], key: str, where: str) -> tuple[float, 
 
 
 def camera_info_file(path: Path) -> CameraInfo:
-    """Read a camera file of the form shown at the top of this module.
+    r"""Read a camera file of the form shown at the top of this module.
 
     Raises
     ------
     RecordingError
         If it cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "camera.yaml"
+    ...     _ = file.write_text("image_width: 640\nimage_height: 480\n"
+    ...                         "camera_matrix: {data: [500, 0, 319.5, 0, 500, 239.5, 0, 0, 1]}\n")
+    ...     camera_info_file(file).K[0]
+    500.0
     """
     content = read_yaml(path)
     try:

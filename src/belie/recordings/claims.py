@@ -31,7 +31,12 @@ def known_covariance(values: npt.ArrayLike, size: int) -> FloatArray | None:
 
 
 def stamp_ns(message: Any) -> int:
-    """Header stamp in nanoseconds."""
+    """Header stamp in nanoseconds.
+
+    >>> from belie.recordings import messages
+    >>> stamp_ns(messages.imu(MotionClaim(source="/imu", kind="imu", stamp_ns=7, received_ns=9), "base_link"))
+    7
+    """
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
 
@@ -69,6 +74,12 @@ class OdometryReader:
     Many publishers leave the twist at zero: an all-zero twist without covariance is taken for empty
     until a filled one was seen (a robot that truly stands still loses nothing by it: its pose says the
     same). A half of NaN means not measured.
+
+    >>> from belie.recordings import messages
+    >>> pose = PoseClaim(
+    ...     source="/odom", frame_id="odom", stamp_ns=7, received_ns=9, T_odom_body=SE3.identity())
+    >>> [type(c).__name__ for c in OdometryReader("/odom")(messages.odometry(pose, None, "base_link"), 9, 0)]
+    ['PoseClaim']
     """
 
     def __init__(self, topic: str) -> None:
@@ -193,7 +204,12 @@ class FixReader:
 
 
 def fix_of(message: Any) -> GeodeticPoint | None:
-    """The position of a ``NavSatFix``, or None without a fix (status below 0, NaN, out of range)."""
+    """The position of a ``NavSatFix``, or None without a fix (status below 0, NaN, out of range).
+
+    >>> from types import SimpleNamespace as message
+    >>> fix_of(message(latitude=48.0, longitude=11.0, altitude=0.0, status=message(status=-1))) is None
+    True
+    """
     numbers = (float(message.latitude), float(message.longitude), float(message.altitude))
     if int(message.status.status) < 0 or not all(math.isfinite(v) for v in numbers):
         return None

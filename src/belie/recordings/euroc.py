@@ -14,7 +14,7 @@ import numpy.typing as npt
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.recordings.calibration import CameraInfo, camera_model, matrix_of, read_yaml
 from belie.recordings.folder import ClaimStream, FolderRecording, image_files, trajectory_streams
-from belie.recordings.join import JoinSettings
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.topics import NONE
 from belie.recordings.trajectory import Trajectory, numbers_of, rows_of
 from belie.types import CalibrationError, MotionClaim, RecordingError, TopicError

@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel
-from belie.recordings.arrivals import RawImage, decode_frames
+from belie.recordings.arrivals import RawImage, decode_frames, steps_of
 from belie.recordings.geodesy import GeodeticPoint
 from belie.recordings.images import GrayDecoder, UndecodableImageError
-from belie.recordings.join import DecodedFrame, JoinCounts, JoinSettings, join
-from belie.recordings.prefetch import prefetch
+from belie.recordings.join import DecodedFrame
+from belie.recordings.join_counts import JoinCounts
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.recording import BodyAxes, Role, StreamInfo
 from belie.recordings.topics import NONE
 from belie.recordings.trajectory import ODOMETRY_SOURCE, POSITION_SOURCE, Trajectory
@@ -198,8 +199,9 @@ class FolderRecording:
         """The frames with their claims; see `Recording.steps`."""
         self.join_counts = counts = JoinCounts()
         periods_ns = {info.topic: 1e9 / info.rate_hz for info in self.streams if info.rate_hz}
-        arrivals = prefetch(self._arrivals(counts))
-        return join(arrivals, settings=self._join_settings, counts=counts, periods_ns=periods_ns)
+        return steps_of(
+            self._arrivals(counts), settings=self._join_settings, counts=counts, periods_ns=periods_ns
+        )
 
     def _arrivals(self, counts: JoinCounts) -> Generator[Claim | DecodedFrame, None, None]:
         images = (

@@ -9,73 +9,14 @@ and stamps, never from the speed of the machine: the same recording gives the sa
 from __future__ import annotations
 
 import heapq
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from pydantic import Field
+from belie.recordings.join_counts import JoinCounts
+from belie.recordings.join_settings import JoinSettings
+from belie.types import Claim, Frame, MotionClaim, RecordingError, Step
 
-from belie.types import Claim, Frame, MotionClaim, RecordingError, Settings, Step
-
-
-class JoinSettings(Settings):
-    """How long the joining of streams waits.
-
-    >>> JoinSettings().reorder_window_ms
-    200.0
-    """
-
-    reorder_window_ms: float = Field(
-        200.0, description="[ms] receive time for which a frame waits for late claims and frames", ge=0.0
-    )
-    patience_ms: float = Field(
-        1500.0,
-        description="[ms] receive time for which a frame waits for a slow stream's next claim",
-        ge=0.0,
-    )
-    clock_jump_s: float = Field(
-        1.0, description="[s] a claim stamped further back than this counts as a clock jump", gt=0.0
-    )
-    max_waiting_frames: int = Field(
-        48, description="[1] frames held back at most, so that memory stays bounded", ge=1
-    )
-    max_waiting_claims: int = Field(
-        100_000, description="[1] claims of one stream held back at most before its clock is refused", ge=1
-    )
-
-
-@dataclass(slots=True, kw_only=True)
-class JoinCounts:
-    """What the joining met, per stream (topic).
-
-    Attributes
-    ----------
-    late : Counter
-        Claims that came after their frame had gone; they travel with the next frame.
-    out_of_order : Counter
-        Messages stamped before their predecessor on the same stream.
-    clock_jumps : Counter
-        Claims stamped more than `JoinSettings.clock_jump_s` before their predecessor.
-    duplicates : Counter
-        Frames with the stamp of an earlier one (skipped), claims likewise (handed out).
-    missing : Counter
-        For claims, frames without a claim within two periods; for a camera, frames absent from gaps.
-    dropped_late : Counter
-        Claims for which no frame was left: stamped after the last one.
-    undecodable : Counter
-        Images that could not be decoded (skipped).
-    invalid : Counter
-        GNSS messages without a fix (skipped).
-    """
-
-    late: Counter[str] = field(default_factory=Counter)
-    out_of_order: Counter[str] = field(default_factory=Counter)
-    clock_jumps: Counter[str] = field(default_factory=Counter)
-    duplicates: Counter[str] = field(default_factory=Counter)
-    missing: Counter[str] = field(default_factory=Counter)
-    dropped_late: Counter[str] = field(default_factory=Counter)
-    undecodable: Counter[str] = field(default_factory=Counter)
-    invalid: Counter[str] = field(default_factory=Counter)
+_ENOUGH_CLAIMS = 10  # a single claim with a wild stamp is no reason to refuse its stream
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,6 +33,7 @@ class _Stream:
     """The claims of one source that wait for their frame; a pose and its twist stay together."""
 
     source: str
+    count: int = 0
     waiting: list[tuple[int, int, Claim]] = field(default_factory=list)
     previous_ns: int | None = None
     newest_ns: int | None = None
@@ -138,6 +80,7 @@ class _Joiner:
         self.frames: list[tuple[int, DecodedFrame]] = []
         self.newest_frame_ns: int | None = None
         self.emitted_ns: int | None = None
+        self.clock_ahead_ns: int | None = None  # stamp minus receive time of the newest frame
         self.order = 0
 
     @property
@@ -155,12 +98,25 @@ class _Joiner:
             stream.previous_ns = stamp_ns
         stream.newest_ns = stamp_ns if stream.newest_ns is None else max(stamp_ns, stream.newest_ns)
         self.order += 1
+        stream.count += 1
+        if stream.count == _ENOUGH_CLAIMS:
+            self._require_common_clock(claim)
         heapq.heappush(stream.waiting, (stamp_ns, self.order, claim))
         if len(stream.waiting) > self.settings.max_waiting_claims:
-            ahead_s = (stream.newest_ns - (self.newest_frame_ns or 0)) / 1e9
             raise RecordingError(
-                f"stamps of {claim.source} run {ahead_s:.1f} s ahead of the images; "
-                "one of the two clocks is wrong: synchronise them and record again"
+                f"more than {self.settings.max_waiting_claims} claims of {claim.source} wait for their "
+                "images; its stamps run far ahead: synchronise the clocks and record again"
+            )
+
+    def _require_common_clock(self, claim: Claim) -> None:
+        """Refuse a stream that is stamped by another clock: nothing of it would ever meet its frame."""
+        if self.clock_ahead_ns is None:
+            return
+        offset_s = (claim.stamp_ns - claim.received_ns - self.clock_ahead_ns) / 1e9
+        if abs(offset_s) > self.settings.max_clock_offset_s:
+            raise RecordingError(
+                f"stamps of {claim.source} are {offset_s:+.1f} s off those of the images that were received "
+                "with them; let both use one clock (simulated time or wall time) and record again"
             )
 
     def _count(self, claim: Claim, stream: _Stream) -> None:
@@ -202,6 +158,7 @@ class _Joiner:
                 )
             self.counts.out_of_order[frame.camera] += 1
         heapq.heappush(self.frames, (stamp_ns, decoded))
+        self.clock_ahead_ns = stamp_ns - frame.received_ns
         self.newest_frame_ns = stamp_ns if newest_ns is None else max(stamp_ns, newest_ns)
 
     def release(self, clock_ns: int | None) -> Iterator[Step]:

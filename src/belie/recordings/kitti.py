@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.recordings.folder import FolderRecording, image_files, trajectory_streams
-from belie.recordings.join import JoinSettings
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.trajectory import Trajectory, even_stamps_ns, nanoseconds, numbers_of, rows_of
 from belie.types import CalibrationError, RecordingError, TopicError
 
@@ -46,6 +46,16 @@ def open_kitti(
     ------
     RecordingError
         If a file is missing, malformed, or shorter than the images.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     (Path(folder) / "image_0").mkdir()
+    ...     open_kitti(Path(folder), join_settings=JoinSettings())  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    belie.types.errors.RecordingError: ...image_0 holds no images
     """
     camera = _camera(path, image)
     files = sorted(file for file in (path / camera).iterdir() if file.suffix.lower() in _SUFFIXES)

@@ -25,7 +25,11 @@ def new(message_type: str, **fields: Any) -> Any:
 
 
 def header(stamp_ns: int, frame_id: str) -> Any:
-    """A header at a stamp in nanoseconds."""
+    """A header at a stamp in nanoseconds.
+
+    >>> header(1_500_000_000, "odom").stamp.nanosec
+    500000000
+    """
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     stamp = new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
     return new("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
@@ -128,7 +132,12 @@ def imu(claim: MotionClaim, body: str) -> Any:
 
 
 def camera_info(camera: CameraModel, stamp_ns: int, frame_id: str) -> Any:
-    """``sensor_msgs/CameraInfo`` of a camera; the projection is its intrinsic matrix."""
+    """``sensor_msgs/CameraInfo`` of a camera; the projection is its intrinsic matrix.
+
+    >>> camera = CameraModel(width=64, height=48, fx=60, fy=60, cx=31.5, cy=23.5)
+    >>> camera_info(camera, 0, "cam").distortion_model
+    'plumb_bob'
+    """
     names = {
         "pinhole": "plumb_bob",
         "radial_tangential": "plumb_bob",

@@ -9,7 +9,7 @@ from typing import Any
 from belie.recordings.bag import BagRecording
 from belie.recordings.calibration import read_yaml
 from belie.recordings.euroc import euroc_root, open_euroc
-from belie.recordings.join import JoinSettings
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.kitti import is_kitti, open_kitti
 from belie.recordings.recording import Recording
 from belie.recordings.storage import BagFormat

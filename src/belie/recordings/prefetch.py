@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from typing import TypeVar
 
 from belie.recordings.join import DecodedFrame
@@ -15,7 +15,7 @@ _POLL_S = 0.05
 _BATCH = 256
 
 
-def prefetch(items: Generator[T, None, None], *, depth: int = 4) -> Iterator[T]:
+def prefetch(items: Generator[T, None, None], *, depth: int = 4) -> Generator[T, None, None]:
     """Run `items` in a thread that stays at most `depth` frames ahead of the consumer.
 
     Reading and decoding release the GIL for most of their time, so the check runs beside them. What

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.recordings.geodesy import GeodeticPoint
-from belie.recordings.join import JoinCounts
+from belie.recordings.join_counts import JoinCounts
 from belie.types import MountedCamera, Step
 
 BodyAxes = Literal["flu", "rdf"]

@@ -21,6 +21,7 @@ from belie.types import BelieError, RecordingError
 
 BagFormat = Literal["ros2-mcap", "ros2-sqlite3", "ros1"]
 
+_LONGEST = 160
 _MENDING: dict[str, str] = {
     "ros2-mcap": "if it was cut short, mend it with `mcap recover {name} -o mended.mcap`",
     "ros2-sqlite3": "if it was cut short, mend it with `sqlite3 {name} .recover | sqlite3 mended.db3`",
@@ -39,8 +40,10 @@ def _clear_errors(path: Path, format: str) -> Iterator[None]:
         raise RecordingError(f"{path} is damaged: a record claims more bytes than there is memory") from error
     except Exception as error:  # the list of what parsers raise on damaged bytes is open-ended
         said = " ".join(str(error).split()) or type(error).__name__
+        if "end magic" in said:
+            said = "it has no end mark, so the recording was cut short"
         raise RecordingError(
-            f"{path} cannot be read as {format}: {said.rstrip('.')}; "
+            f"{path} cannot be read as {format}: {said[:_LONGEST].rstrip('.')}; "
             + _MENDING[format].format(name=path.name)
         ) from error
 
@@ -114,8 +117,24 @@ class OpenBag:
             self._store = get_typestore(Stores.EMPTY)
         if connection.msgtype not in self._known:
             self._known.add(connection.msgtype)
-            self._store.register(self._definitions(connection))
+            types = self._definitions(connection)
+            self._require_fields(types)
+            self._store.register(types)
         return self._store
+
+    def _require_fields(self, types: Any) -> None:
+        """Refuse definitions of common messages that lack a field: they are damaged, or of another kind."""
+        usual = self._usual_types()
+        for name in types.keys() & usual.keys():
+            fields = {field.lower() for field, _ in types[name][1]}
+            lacking = [field for field, _ in usual[name][1] if field.lower() not in fields]
+            if lacking:
+                raise RecordingError(
+                    f"{self.path}: its definition of {name} lacks {', '.join(lacking)}; the file is damaged"
+                )
+
+    def _usual_types(self) -> Any:
+        return get_typestore(Stores.ROS1_NOETIC if self.format == "ros1" else Stores.LATEST).fielddefs
 
     def _definitions(self, connection: Connection) -> Any:
         definition = connection.msgdef
@@ -130,7 +149,7 @@ class OpenBag:
                         get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
                     )
             return types
-        return get_typestore(Stores.ROS1_NOETIC if self.format == "ros1" else Stores.LATEST).fielddefs
+        return self._usual_types()
 
 
 def _storages(reader: Any) -> list[Any]:

@@ -68,6 +68,9 @@ def numbers_of(path: Path, number: int, fields: list[str], expected: str) -> lis
     ------
     RecordingError
         Names file, line and what was expected.
+
+    >>> numbers_of(Path("times.txt"), 1, ["0.5", "1"], "two numbers")
+    [0.5, 1.0]
     """
     try:
         values = [float(field) for field in fields]
@@ -121,12 +124,24 @@ class Trajectory:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """A trajectory in TUM's form: ``seconds tx ty tz qx qy qz qw`` a line.
+    r"""A trajectory in TUM's form: ``seconds tx ty tz qx qy qz qw`` a line.
 
     Raises
     ------
     RecordingError
         Names the first line that is malformed, holds NaN or a zero quaternion.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "groundtruth.txt"
+    ...     _ = file.write_text("# a comment\n0.5 1 2 3 0 0 0 1\n")
+    ...     trajectory = read_tum(file)
+    >>> trajectory.stamps_ns.tolist(), trajectory.poses[0].t.tolist()
+    ([500000000], [1.0, 2.0, 3.0])
+    >>> next(trajectory.positions()).kind
+    'localisation'
     """
     stamps_ns, poses = [], []
     for number, fields in rows_of(path):

@@ -81,8 +81,9 @@ class TransformTree:
         T_target_source = self.find(target, source)
         if T_target_source is None:
             known = ", ".join(self.frames) or "none"
+            named = frame_name(source) or "an unnamed frame (the messages' frame_id is empty)"
             raise CalibrationError(
-                f"no transform from {frame_name(target)} to {frame_name(source)} on /tf_static "
+                f"no transform from {frame_name(target)} to {named} on /tf_static "
                 f"(frames there: {known}); record /tf_static, or publish it with "
                 f"static_transform_publisher and record again{instead}"
             )

@@ -14,7 +14,7 @@ import numpy as np
 from belie.geometry import SE3, CameraModel
 from belie.recordings.calibration import camera_info_file, camera_model
 from belie.recordings.folder import FolderRecording, image_files, trajectory_streams
-from belie.recordings.join import JoinSettings
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.trajectory import even_stamps_ns, nanoseconds, read_tum, rows_of
 from belie.types import CalibrationError, RecordingError, TopicError
 

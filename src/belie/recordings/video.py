@@ -18,7 +18,7 @@ import numpy.typing as npt
 from belie.geometry import SE3
 from belie.recordings.folder import FolderRecording, ImageStream, trajectory_streams
 from belie.recordings.images import UndecodableImageError
-from belie.recordings.join import JoinSettings
+from belie.recordings.join_settings import JoinSettings
 from belie.recordings.trajectory import Trajectory, even_stamps_ns, read_tum
 from belie.recordings.tum import camera_file_model
 from belie.types import GrayImage, RecordingError
