@@ -144,7 +144,7 @@ def test_warm_up_leaves_no_trace_and_nothing_to_compile(road):
         correspondence._mutually_best,
         matching._nearest_corners,
         prediction._project_points,
-        optimization._levenberg_marquardt,
+        optimization.fit_pose,
     ]
     compiled = [len(kernel.signatures) for kernel in kernels]
     for i, image, T in road[:4]:
