@@ -46,7 +46,9 @@ class NoiseScaleSettings(Settings):
         "a gyroscope's bias, say",
     )  # fmt: skip
     least_scale: float = Field(
-        1.0, gt=0.0, description="the scale never falls below this [1]: the noise model is a promise, not a guess"
+        1.0,
+        gt=0.0,
+        description="the scale never falls below this [1]: the noise model is a promise, not a guess",
     )
 
 

@@ -42,10 +42,12 @@ class OdometrySettings(Settings):
     )  # fmt: skip
     translation_floor_m: float = Field(0.0002, gt=0.0, description="the same at standstill [m a frame]")
     rotation_noise_deg: float = Field(
-        0.03, gt=0.0, description="angle random walk of a claimed rotation [deg per sqrt(s)]; a MEMS gyroscope's"
+        0.03,
+        gt=0.0,
+        description="angle random walk of a claimed rotation [deg per sqrt(s)]; a MEMS gyroscope's",
     )
     rotation_gain_noise: float = Field(
-        0.02, ge=0.0, description="error of a claimed rotation that grows with it [deg per deg turned]"
+        0.01, ge=0.0, description="error of a claimed rotation that grows with it [deg per deg turned]"
     )
     clock_jitter_s: float = Field(
         0.0005, ge=0.0, description="standard deviation between the clocks of claim and camera [s]"
@@ -53,7 +55,9 @@ class OdometrySettings(Settings):
     mount_sigma_deg: float = Field(
         3.0, ge=0.0, description="how askew the camera may sit against its stated mount [deg]"
     )
-    mount_walk_deg: float = Field(0.3, ge=0.0, description="how the direction error may wander [deg per sqrt(s)]")
+    mount_walk_deg: float = Field(
+        0.3, ge=0.0, description="how the direction error may wander [deg per sqrt(s)]"
+    )
     lever_sigma_m: float = Field(0.1, ge=0.0, description="error of the camera's stated position [m]")
     gain_sigma: float = Field(
         0.02, ge=0.0, description="relative error of the visual rotation, from the focal length [1]"
@@ -106,8 +110,12 @@ class OdometryCheck:
         self.settings = s = settings or OdometrySettings()
         prior = np.array([np.radians(s.mount_sigma_deg)] * 3 + [s.lever_sigma_m] * 3 + [s.gain_sigma, 1.0])
         walk = np.array([np.radians(s.mount_walk_deg)] * 3 + [0.0] * 3 + [0.0, s.scale_walk])
-        self._test = ResidualTest(
-            6, SystematicErrors(prior, walk), sequential or SequentialSettings(), noise or NoiseScaleSettings(), tests
+        self.test = ResidualTest(
+            6,
+            SystematicErrors(prior, walk),
+            sequential or SequentialSettings(),
+            noise or NoiseScaleSettings(),
+            tests,
         )
         self._scale = _Scale()
         self.evidence: Evidence | None = None
@@ -117,21 +125,28 @@ class OdometryCheck:
         """Scale of the visual map learned from this stream, or None while it is unknown."""
         return None if self._scale.log_m is None else math.exp(self._scale.log_m)
 
+    def noise_scales(self) -> dict[str, float]:
+        """How many times noisier than its model each component of the claim is."""
+        names = ("x", "y", "z", "pitch", "yaw", "roll")
+        return dict(zip(names, self.test.scales().tolist(), strict=True))
+
     def update(self, estimate: VisualEstimate, T_prev_cur: SE3 | None) -> CheckResult:
         """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
         self.evidence = None
         interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
         if T_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:
-            reason = estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
+            reason = (
+                estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
+            )
             return self._undecided(reason)
-        self._test.errors.predict(np.array([interval_s] * (_PARAMETERS - 1) + [1.0]))
+        self.test.errors.predict(np.array([interval_s] * (_PARAMETERS - 1) + [1.0]))
         translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
         r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
-        evidence = self._test.update(r, H, noise, estimate.stamp_ns, interval_s)
+        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s)
         self.evidence = evidence
         if self._scale.log_m is not None:  # the scale's error is folded into the scale
-            self._scale.log_m += float(self._test.errors.mean[_SCALE])
-            self._test.errors.mean[_SCALE] = 0.0
+            self._scale.log_m += float(self.test.errors.mean[_SCALE])
+            self.test.errors.mean[_SCALE] = 0.0
         return self._result(estimate, evidence, translates, interval_s)
 
     def _know_scale(self, estimate: VisualEstimate, T_prev_cur: SE3) -> bool:
@@ -139,14 +154,14 @@ class OdometryCheck:
         visual, claimed = float(np.linalg.norm(estimate.T_prev_cur.t)), float(np.linalg.norm(T_prev_cur.t))
         if scale.log_m is not None and scale.map_id != estimate.map_id:
             # The new map began with the speed of the old one; how far that was off, nobody knows.
-            self._test.errors.forget(_SCALE, 0.5)
+            self.test.errors.forget(_SCALE, 0.5)
             scale.map_id = estimate.map_id
         if scale.log_m is None:
             spread = math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
             if visual < 3.0 * spread or claimed < 3.0 * self.settings.translation_floor_m:
                 return False
             scale.log_m, scale.map_id = math.log(claimed / visual), estimate.map_id
-            self._test.errors.forget(_SCALE, 0.5)
+            self.test.errors.forget(_SCALE, 0.5)
         return True
 
     def _residual(
@@ -184,20 +199,25 @@ class OdometryCheck:
     def _result(
         self, estimate: VisualEstimate, evidence: Evidence, translates: bool, interval_s: float
     ) -> CheckResult:
-        floor = self._test.floor() / interval_s
+        floor = self.test.floor() / interval_s
         turn = f"{math.degrees(float(floor[3:].max())):.2g} deg/s"
         text = f"{float(floor[:3].max()):.2g} m/s, {turn}" if translates else turn
         if evidence.contradicted:
             status = Status.CONTRADICTED
             reason = f"the claimed motion differs from the visual one: {_COMPONENTS[evidence.component]}"
-        elif self._test.missing_frames > 0:
+        elif self.test.missing_frames > 0:
             status = Status.UNDECIDED
-            reason = f"learning the noise of this stream: {self._test.missing_frames} more frames"
+            reason = f"learning the noise of this stream: {self.test.missing_frames} more frames"
         elif not translates:
             status = Status.UNDECIDED
-            reason = estimate.reason or "no baseline: neither claim nor camera has moved; only rotation is checked"
+            reason = (
+                estimate.reason or "no baseline: neither claim nor camera has moved; only rotation is checked"
+            )
         else:
-            status, reason = Status.CONSISTENT, "claimed and visual motion agree; scale from this claim's own past"
+            status, reason = (
+                Status.CONSISTENT,
+                "claimed and visual motion agree; scale from this claim's own past",
+            )
         return CheckResult(
             check=self.check, source=self.source, status=status, statistic=evidence.statistic,
             threshold=evidence.threshold, unit=evidence.unit, floor=text, reason=reason,

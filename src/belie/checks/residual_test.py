@@ -73,6 +73,10 @@ class ResidualTest:
             self.errors.learn(innovation, scaled, H)
         return evidence
 
+    def scales(self) -> FloatArray:
+        """How many times noisier than its model each component is, shape (components,)."""
+        return self._scale.value
+
     def floor(self, frames: int = 10) -> FloatArray:
         """Steady lie a frame, in the units of each component, found within `frames` frames on average."""
         return np.asarray(self._bank.smallest_shift(frames) * self.sigma)

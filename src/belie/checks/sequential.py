@@ -43,7 +43,9 @@ class SequentialSettings(Settings):
         "of a Student-t with six degrees of freedom in ten hours at 30 Hz",
     )  # fmt: skip
     release_s: float = Field(
-        1.0, ge=0.0, description="quiet time after which a contradiction is over [s]; a new one is a new alert"
+        1.0,
+        ge=0.0,
+        description="quiet time after which a contradiction is over [s]; a new one is a new alert",
     )
 
 
@@ -137,9 +139,7 @@ class CusumBank:
         frames = 3600.0 / self._settings.false_alarms_per_hour / interval_s * self._share
         self._thresholds = np.array([cusum_threshold(float(d), frames) for d in self._shifts])
 
-    def update(
-        self, x: FloatArray, stamp_ns: int, interval_s: float, jumps_only: bool = False
-    ) -> Evidence:
+    def update(self, x: FloatArray, stamp_ns: int, interval_s: float, jumps_only: bool = False) -> Evidence:
         """Add the whitened residual of one frame, shape (components,), `interval_s` after the last.
 
         With `jumps_only` nothing is accumulated: while the noise is not known, small errors prove nothing.
@@ -186,5 +186,3 @@ class CusumBank:
         if not np.isfinite(self._thresholds).all():
             return float("inf")
         return float(np.min(self._thresholds / (frames * self._shifts) + 0.5 * self._shifts))
-
-

@@ -12,7 +12,7 @@ import numpy as np
 
 from belie.geometry import FloatArray
 
-_HUBER_SIGMA = 2.0
+_TRUSTED_SIGMA = 1.5
 
 
 class SystematicErrors:
@@ -54,14 +54,18 @@ class SystematicErrors:
         return r - H @ self.mean, H @ self.covariance @ H.T + noise
 
     def learn(self, innovation: FloatArray, S: FloatArray, H: FloatArray) -> None:
-        """Kalman update; an innovation beyond two sigma counts as two (Huber)."""
+        """Kalman update; the further beyond 1.5 sigma an innovation is, the less it moves the parameters.
+
+        A filter that starts up, a pothole, a lie not yet found: none of them is the camera's mount.
+        """
         size = np.sqrt(max(float(innovation @ np.linalg.solve(S, innovation)) / len(innovation), 1e-12))
-        weight = min(1.0, _HUBER_SIGMA / size)
-        gain = np.linalg.solve(S, H @ self.covariance).T
-        self.mean = self.mean + gain @ innovation * weight
-        # Joseph's form keeps the covariance positive; S - H P H' is the noise that S was made of.
-        A = np.eye(len(self.mean)) - gain @ H
-        noise = S - H @ self.covariance @ H.T
+        weight = min(1.0, (_TRUSTED_SIGMA / size) ** 2)
+        # S - H P H' is the noise that S was made of; less weight is more noise.
+        explained = H @ self.covariance @ H.T
+        noise = (S - explained) / weight
+        gain = np.linalg.solve(explained + noise, H @ self.covariance).T
+        self.mean = self.mean + gain @ innovation
+        A = np.eye(len(self.mean)) - gain @ H  # Joseph's form keeps the covariance positive
         P = A @ self.covariance @ A.T + gain @ noise @ gain.T
         self.covariance = 0.5 * (P + P.T)
 

@@ -73,6 +73,14 @@ def _left_jacobian(omega_rad: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + a * W + b * (W @ W))
 
 
+_EYE = np.eye(3)
+
+
+def _determinant(R: FloatArray) -> float:
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SE3:
     """A rigid motion ``x -> R x + t``.
@@ -103,7 +111,7 @@ class SE3:
             raise ValueError(f"SE3 needs R (3, 3) and t (3,), got {R.shape} and {t.shape}")
         if not (np.isfinite(R).all() and np.isfinite(t).all()):
             raise ValueError("SE3 holds NaN or infinity")
-        if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or float(R[0] @ np.cross(R[1], R[2])) < 0.0:
+        if np.abs(R @ R.T - _EYE).max() > 1e-4 or _determinant(R) < 0.0:
             raise ValueError("R is not a rotation matrix")
         R.setflags(write=False)
         t.setflags(write=False)

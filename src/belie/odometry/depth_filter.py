@@ -74,7 +74,8 @@ class TrackedCorners:
         depth_ratio = np.where(sane, depth_ratio, 1.0)
         self.inverse_depth = pose.inverse_depth / depth_ratio
         self.variance = (
-            pose.inverse_depth_variance * (rotated_z / depth_ratio**2) ** 2 + (drift * self.inverse_depth) ** 2
+            pose.inverse_depth_variance * (rotated_z / depth_ratio**2) ** 2
+            + (drift * self.inverse_depth) ** 2
         )
         self.px = found_px
         self.age = self.age + 1

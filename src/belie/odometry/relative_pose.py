@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from belie.geometry import SE3, FloatArray
+from belie.geometry import SE3, FloatArray, compiled
 
 _OUTER_ITERATIONS = 6
 _INNER_ITERATIONS = 5
@@ -56,7 +55,7 @@ class RelativePose:
         return np.asarray(self.chi2 < _KERNEL_CHI2)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cholesky_solve(A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], n: int) -> bool:
     """Solve A x = b in place (A lower factor, b solution); False if A is not positive definite."""
     for i in range(n):
@@ -83,7 +82,7 @@ def _cholesky_solve(A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], n: i
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _exp_so3(w: Any, R: Any) -> None:
     theta2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     if theta2 < 1e-16:
@@ -104,14 +103,16 @@ def _exp_so3(w: Any, R: Any) -> None:
     R[2, 2] = 1.0 - b * (x * x + y * y)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _accumulate(
-    prev: Any, cur: Any, rho0: Any, var0: Any, rho: Any, slope: Any, R: Any, t: Any, variance: float, H: Any, g: Any
-) -> Any:
+    prev: Any, cur: Any, rho0: Any, var0: Any, shared: Any, rho: Any, slope: Any, R: Any, t: Any,
+    variance: float, H: Any, g: Any,
+) -> Any:  # fmt: skip
     """One pass over the points: normal equations H, g of the pose; returns the robust cost.
 
     The error of a point, seen from its linearisation point `rho`, is ``z - π(rho) - slope (rho0 - rho)`` with the
-    covariance ``variance I + var0 slope slope'``, whose inverse is ``(I - gain slope slope') / variance``.
+    covariance ``variance I + (var0 + shared / |slope|²) slope slope'``, whose inverse is
+    ``(I - gain slope slope') / variance``.
     """
     H[:] = 0.0
     g[:] = 0.0
@@ -124,7 +125,9 @@ def _accumulate(
         u = (R[0, 0] * x + R[0, 1] * y + R[0, 2] + q * t[0]) / d
         v = (R[1, 0] * x + R[1, 1] * y + R[1, 2] + q * t[1]) / d
         su, sv = slope[i, 0], slope[i, 1]
-        gain = var0[i] / (variance + var0[i] * (su * su + sv * sv))
+        length2 = su * su + sv * sv + 1e-30
+        along_var = var0[i] * length2 + shared[i]
+        gain = along_var / (length2 * (variance + along_var))
         eu = cur[i, 0] - u - su * (rho0[i] - q)
         ev = cur[i, 1] - v - sv * (rho0[i] - q)
         along = (su * eu + sv * ev) * gain
@@ -159,7 +162,7 @@ def _accumulate(
     return cost
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _update_depths(
     prev: Any, cur: Any, rho0: Any, var0: Any, R: Any, t: Any, variance: float,
     rho: Any, rho_var: Any, slope: Any, chi2: Any,
@@ -196,9 +199,9 @@ def _update_depths(
         chi2[i] = e2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _levenberg_marquardt(
-    prev: Any, cur: Any, rho0: Any, var0: Any, R: Any, t: Any, variance: float, fix_length: bool
+    prev: Any, cur: Any, rho0: Any, var0: Any, shared: Any, R: Any, t: Any, variance: float, fix_length: bool
 ) -> Any:
     """Refine R, t in place; returns H, depths, their variances and the whitened errors."""
     n = prev.shape[0]
@@ -217,7 +220,7 @@ def _levenberg_marquardt(
         # The covariance of each point is held while the pose moves: were it part of the cost, a longer
         # translation would make every error look more likely, and the scale would creep upwards.
         _update_depths(prev, cur, rho0, var0, R, t, variance, rho, rho_var, slope, chi2)
-        cost = _accumulate(prev, cur, rho0, var0, rho, slope, R, t, variance, H, g)
+        cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R, t, variance, H, g)
         damping = 1e-5
         length = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
         moved = 0.0
@@ -248,7 +251,7 @@ def _levenberg_marquardt(
                 norm = np.sqrt(t_new[0] ** 2 + t_new[1] ** 2 + t_new[2] ** 2)
                 for a in range(3):
                     t_new[a] *= length / norm
-            new_cost = _accumulate(prev, cur, rho0, var0, rho, slope, R_new, t_new, variance, A, step)
+            new_cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R_new, t_new, variance, A, step)
             if new_cost < cost:
                 gain = (cost - new_cost) / (cost + 1e-12)
                 R[:] = R_new
@@ -281,6 +284,7 @@ def estimate_relative_pose(
     T_cur_prev: SE3,
     *,
     sigma: float,
+    calibration_error: float = 0.0,
     fix_length: bool = False,
 ) -> RelativePose:
     """Refine the motion between two frames from tracked points.
@@ -295,6 +299,8 @@ def estimate_relative_pose(
         Where to begin.
     sigma : float
         Standard deviation of a tracked position, in the same units as `current` (pixels over focal length).
+    calibration_error : float
+        Error of a displacement, relative to it, that a depth from earlier frames does not share with this one.
     fix_length : bool
         Keep the length of the translation: while no depth is known the scale is free.
 
@@ -315,9 +321,10 @@ def estimate_relative_pose(
     """
     R = np.array(T_cur_prev.R)
     t = np.array(T_cur_prev.t)
+    shared = calibration_error**2 * ((current - previous) ** 2).sum(axis=1)
     H, rho, rho_var, chi2 = _levenberg_marquardt(
         np.ascontiguousarray(previous), np.ascontiguousarray(current), inverse_depth, inverse_depth_variance,
-        R, t, sigma * sigma, fix_length,
+        shared, R, t, sigma * sigma, fix_length,
     )  # fmt: skip
     if fix_length:  # one length of the translation is as good as another
         H = H + np.outer(np.r_[t, 0, 0, 0], np.r_[t, 0, 0, 0]) / float(t @ t) ** 2

@@ -13,9 +13,9 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from pydantic import Field
 
+from belie.geometry import compiled
 from belie.types import GrayImage, Settings
 
 Pyramid = tuple[GrayImage, ...]
@@ -52,7 +52,7 @@ def build_pyramid(image: GrayImage, levels: int) -> Pyramid:
     return tuple(pyramid)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(reassociate=True)
 def _sample(image: Any, x: float, y: float, out: Any) -> bool:
     """Bilinear patch around (x, y) with a margin of one pixel; False if it leaves the image."""
     height, width = image.shape
@@ -81,7 +81,7 @@ def _sample(image: Any, x: float, y: float, out: Any) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(reassociate=True)
 def _correlate(
     image: Any, x: float, y: float, offset: Any, template: Any, gx: Any, gy: Any
 ) -> tuple[Any, Any, Any, Any, Any]:
@@ -131,7 +131,7 @@ def _correlate(
     return total, energy, cross, bx, by
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(reassociate=True)
 def _track_level(
     previous: Any, current: Any, start: Any, found: Any, alive: Any, correlation: Any,
     scale: float, iterations: int, min_eigenvalue: float, last: bool,

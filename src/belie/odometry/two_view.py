@@ -47,7 +47,9 @@ def relative_pose_from_scratch(previous: FloatArray, current: FloatArray, sigma:
     return SE3.from_matrix(np.column_stack([R, t.ravel()]))
 
 
-def rotation_between(previous: FloatArray, current: FloatArray, sigma: float) -> tuple[FloatArray, FloatArray]:
+def rotation_between(
+    previous: FloatArray, current: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray]:
     """Robust rotation ``R_cur_prev`` of points at infinity, and what it leaves of each point's motion.
 
     Kabsch's solution on the viewing rays, reweighted three times (Geman-McClure, three sigma).

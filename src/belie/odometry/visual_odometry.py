@@ -19,7 +19,8 @@ from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
-_LEAST_AGREEING = 0.3  # share of the corners; fewer, and the motion may be that of a passing lorry
+_LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
+_MAJORITY = 0.5  # breakdown point: with fewer, the motion may be that of a passing lorry
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -38,12 +39,12 @@ class VisualOdometrySettings(Settings):
         "direction of motion [px at working size]; ten times the error of a tracked corner",
     )  # fmt: skip
     depth_drift: float = Field(
-        0.05, ge=0.0, le=1.0,
-        description="relative error that a point's depth gains a frame [1]; 0.3 px of calibration error over 6 px "
-        "of parallax",
+        0.02, ge=0.0, le=1.0,
+        description="relative error that a point's depth gains a frame [1]: what errors shared by neighbours add, "
+        "which no averaging removes",
     )  # fmt: skip
     calibration_error: float = Field(
-        0.004, ge=0.0,
+        0.01, ge=0.0,
         description="error of a corner's displacement that is the calibration's fault [px per px]: of the focal "
         "length and of the distortion's slope",
     )  # fmt: skip
@@ -164,7 +165,13 @@ class VisualOdometry:
         for attempt in range(2):
             for guess in guesses:
                 pose = estimate_relative_pose(
-                    rays[:, :2], current, corners.inverse_depth, corners.variance, guess, sigma=sigma
+                    rays[:, :2],
+                    current,
+                    corners.inverse_depth,
+                    corners.variance,
+                    guess,
+                    sigma=sigma,
+                    calibration_error=self.settings.calibration_error,
                 )
                 if best is None or np.minimum(pose.chi2, 9.0).sum() < np.minimum(best.chi2, 9.0).sum():
                     best = pose
@@ -188,7 +195,9 @@ class VisualOdometry:
             pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
             if pose is not None:
                 # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
-                z_ratio = self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
+                z_ratio = (
+                    self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
+                )
                 z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
                 turned = rays @ R[2]
                 inverse_depth = np.nan_to_num(pose.inverse_depth / z_ratio * turned, nan=-1.0)
@@ -229,7 +238,13 @@ class VisualOdometry:
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
         inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners)
-        observable = had_scale
+        reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
+        agreeing = int(inliers.sum())
+        if agreeing < _MAJORITY * len(found):
+            reason = (
+                f"no majority: {agreeing} of {len(found)} corners move as one (traffic, repeated texture)"
+            )
+            agreeing = 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
@@ -237,11 +252,11 @@ class VisualOdometry:
             covariance=pose.covariance * inflation,
             corners=tried,
             matches=len(found),
-            inliers=int(inliers.sum()),
+            inliers=agreeing,
             parallax_px=float(np.median(parallax)) * self._shrink if len(parallax) else 0.0,
             map_id=self._map_id,
             error_px2=float(np.mean(pose.chi2[inliers])) * self._sigma_px**2 * self._shrink**2,
-            reason=None if observable else "no baseline yet: the camera has not moved enough to show a direction",
+            reason=reason,
             predicted_px=self._full(predicted),
             observed_px=self._full(found),
         )

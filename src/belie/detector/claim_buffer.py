@@ -1,0 +1,155 @@
+"""Claims, kept by their stamps, so that each can be asked for at the time of an image.
+
+Streams run at their own rates, arrive late, each by its own delay, and out of order: what counts is the header
+stamp. A claim that is asked for between two of its messages is interpolated; just past the last message it is
+extrapolated, by at most one period of the stream; further away there is no answer, and never a guess.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from operator import attrgetter
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from belie.geometry import SE3, FloatArray, so3_exp
+from belie.types import MotionClaim
+
+_KEPT_NS = 3_000_000_000
+_LONGEST_GAP_NS = 500_000_000  # between two messages that may still be interpolated
+
+
+class _Stamped(Protocol):
+    @property
+    def stamp_ns(self) -> int: ...
+
+
+_Claim = TypeVar("_Claim", bound=_Stamped)
+_by_stamp = attrgetter("stamp_ns")
+
+
+class ClaimBuffer(Generic[_Claim]):
+    """The last seconds of one stream, sorted by stamp; a repeated stamp replaces the older message."""
+
+    def __init__(self) -> None:
+        self._claims: list[_Claim] = []
+
+    def __len__(self) -> int:
+        return len(self._claims)
+
+    def add(self, claim: _Claim) -> None:
+        """Sort a claim in; what is more than three seconds older than the newest is forgotten."""
+        i = bisect_left(self._claims, claim.stamp_ns, key=_by_stamp)
+        if i < len(self._claims) and self._claims[i].stamp_ns == claim.stamp_ns:
+            self._claims[i] = claim
+        else:
+            insort(self._claims, claim, key=_by_stamp)
+        oldest = self._claims[-1].stamp_ns - _KEPT_NS
+        if self._claims[0].stamp_ns < oldest:
+            del self._claims[: bisect_left(self._claims, oldest, key=_by_stamp)]
+
+    def newest(self) -> _Claim | None:
+        """The message with the latest stamp, or None."""
+        return self._claims[-1] if self._claims else None
+
+    def around(self, stamp_ns: int) -> tuple[_Claim, _Claim] | None:
+        """The two neighbouring messages to interpolate or extrapolate from, or None."""
+        claims = self._claims
+        i = bisect_left(claims, stamp_ns, key=_by_stamp)
+        if i < len(claims) and claims[i].stamp_ns == stamp_ns:
+            return claims[i], claims[i]
+        if i == 0 or len(claims) < 2:
+            return None
+        if i == len(claims):
+            before, after = claims[-2], claims[-1]
+            if stamp_ns - after.stamp_ns > after.stamp_ns - before.stamp_ns:
+                return None
+        else:
+            before, after = claims[i - 1], claims[i]
+        return (before, after) if after.stamp_ns - before.stamp_ns <= _LONGEST_GAP_NS else None
+
+    def between(self, start_ns: int, stop_ns: int) -> list[_Claim]:
+        """The messages needed to integrate from `start_ns` to `stop_ns`: the last before, and all up to it."""
+        i = max(0, bisect_right(self._claims, start_ns, key=_by_stamp) - 1)
+        return self._claims[i : bisect_right(self._claims, stop_ns, key=_by_stamp)]
+
+
+class StampedPose(Protocol):
+    """Anything with a stamp and a pose."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Nanoseconds."""
+
+    @property
+    def T_odom_body(self) -> SE3:
+        """Maps body to odom coordinates."""
+
+
+def pose_at(buffer: ClaimBuffer[StampedPose], stamp_ns: int) -> SE3 | None:
+    """``T_odom_body`` at `stamp_ns`, or None where the stream does not reach."""
+    pair = buffer.around(stamp_ns)
+    if pair is None:
+        return None
+    before, after = pair
+    if before is after:
+        return before.T_odom_body
+    fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
+    return before.T_odom_body.interpolate(after.T_odom_body, fraction)
+
+
+def motion_between(
+    buffer: ClaimBuffer[MotionClaim], start_ns: int, stop_ns: int
+) -> tuple[FloatArray, FloatArray | None] | None:
+    """Rotation (3, 3) and translation (3,) of the body from `start_ns` to `stop_ns`, by integrating rates.
+
+    The translation is None where the stream has no velocity. None if the stream does not cover the interval.
+
+    Examples
+    --------
+    >>> buffer = ClaimBuffer[MotionClaim]()
+    >>> for i in range(11):
+    ...     buffer.add(MotionClaim(source="/imu", kind="imu", stamp_ns=i * 10**7, received_ns=0,
+    ...                            angular_rad_s=np.array([0.0, 0.0, 1.0])))
+    >>> R, t = motion_between(buffer, 0, 10**8)
+    >>> round(float(np.arcsin(R[1, 0])), 6), t
+    (0.1, None)
+    """
+    samples = buffer.between(start_ns, stop_ns)
+    if len(samples) < 1 or samples[0].stamp_ns > start_ns:
+        return None
+    stamps = [s.stamp_ns for s in samples]
+    periods = np.diff(stamps)
+    longest = 1.5 * float(np.median(periods)) if len(periods) else float(_LONGEST_GAP_NS)
+    if len(periods) and (periods.max() > _LONGEST_GAP_NS or stop_ns - stamps[-1] > max(longest, 1.0)):
+        return None
+    if not len(periods) and stop_ns - stamps[-1] > _LONGEST_GAP_NS:
+        return None
+    if any(s.angular_rad_s is None for s in samples):
+        return None
+    after = buffer.around(stop_ns)
+    R, t, has_velocity = np.eye(3), np.zeros(3), all(s.linear_m_s is not None for s in samples)
+    for i, sample in enumerate(samples):
+        begin = max(sample.stamp_ns, start_ns)
+        end = samples[i + 1].stamp_ns if i + 1 < len(samples) else stop_ns
+        following = samples[i + 1] if i + 1 < len(samples) else after[1] if after else sample
+        step_s = (min(end, stop_ns) - begin) * 1e-9
+        if step_s <= 0.0:
+            continue
+        omega = _mean(sample, following, "angular_rad_s", begin, min(end, stop_ns))
+        if has_velocity:
+            velocity = _mean(sample, following, "linear_m_s", begin, min(end, stop_ns))
+            t = t + R @ so3_exp(0.5 * step_s * omega) @ velocity * step_s
+        R = R @ so3_exp(step_s * omega)
+    return R, (t if has_velocity else None)
+
+
+def _mean(first: MotionClaim, second: MotionClaim, name: str, begin_ns: int, end_ns: int) -> FloatArray:
+    """Mean of a rate over an interval between two messages, taken as linear in time."""
+    a, b = getattr(first, name), getattr(second, name)
+    span = second.stamp_ns - first.stamp_ns
+    if b is None or span <= 0:
+        return np.asarray(a)
+    fraction = (0.5 * (begin_ns + end_ns) - first.stamp_ns) / span
+    return np.asarray(a + min(max(fraction, 0.0), 1.5) * (b - a))

@@ -1,0 +1,172 @@
+"""The one public entry: frames and claims in, a verdict for every frame out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from belie.detector.alerts import AlertBook, Judgement
+from belie.detector.config import Config
+from belie.detector.default_profile import DefaultProfile
+from belie.detector.paper_profile import PaperProfile
+from belie.geometry import SE3, CameraModel
+from belie.types import (
+    CalibrationError,
+    Claim,
+    Frame,
+    MotionClaim,
+    MountedCamera,
+    PoseClaim,
+    Status,
+    Verdict,
+    VisualEstimate,
+)
+
+
+class Detector:
+    """Checks what a robot claims against what its camera sees.
+
+    Parameters
+    ----------
+    cameras : mapping of str to MountedCamera
+        The camera to judge by, keyed by the name that its frames carry.
+    config : Config
+        All settings.
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one camera.
+
+    Examples
+    --------
+    >>> model = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
+    >>> detector = Detector({"/image": MountedCamera(model=model, T_body_cam=SE3.identity())})
+    >>> frame = Frame(camera="/image", stamp_ns=0, received_ns=0, image=np.full((120, 160), 90, np.uint8))
+    >>> detector.update(frame, []).status.value
+    'undecided'
+    """
+
+    def __init__(self, cameras: Mapping[str, MountedCamera], config: Config | None = None) -> None:
+        if len(cameras) != 1:
+            raise ValueError(f"one camera is judged by, got {len(cameras)}: {sorted(cameras)}")
+        self.config = config or Config()
+        ((self._name, self._camera),) = cameras.items()
+        _warm_up(self.config)
+        self._profile = _profile(self._name, self._camera, self.config)
+        self._alerts = AlertBook()
+        self._frames = 0
+        self._last_ns: int | None = None
+
+    @property
+    def estimate(self) -> VisualEstimate | None:
+        """What the images said at the last frame; None where the image was not usable."""
+        return self._profile.estimate
+
+    @property
+    def T_odom_cam_claimed(self) -> SE3 | None:
+        """Claimed pose of the camera at the last frame."""
+        return self._profile.T_odom_cam_claimed
+
+    @property
+    def T_odom_cam_seen(self) -> SE3 | None:
+        """Pose of the camera as the images tell it, from the first claimed pose on, in the claim's scale."""
+        return self._profile.T_odom_cam_seen
+
+    def noise_scales(self) -> dict[str, dict[str, float]]:
+        """How many times noisier than its model each component of each stream is, keyed ``check:source``."""
+        return self._profile.noise_scales()
+
+    def update(self, frame: Frame, claims: Iterable[Claim]) -> Verdict:
+        """Judge every claim at one frame.
+
+        Parameters
+        ----------
+        frame : Frame
+            Its stamp must be later than the last one's.
+        claims : iterable of Claim
+            Those that came since the last frame, in any order; see `Step`.
+
+        Raises
+        ------
+        CalibrationError
+            If the image is not of the camera's size.
+        ValueError
+            If the frame is another camera's, or not later than the last one.
+        """
+        began = time.perf_counter()
+        self._check(frame)
+        judgements = self._profile.update(frame, claims)
+        alerts = self._alerts.raise_new(judgements, frame.stamp_ns)
+        verdict = Verdict(
+            frame=self._frames,
+            stamp_ns=frame.stamp_ns,
+            status=_overall(judgements),
+            latency_ms=(time.perf_counter() - began) * 1e3,
+            checks=tuple(judgement.result for judgement in judgements),
+            alerts=alerts,
+        )
+        self._frames += 1
+        self._last_ns = frame.stamp_ns
+        return verdict
+
+    def _check(self, frame: Frame) -> None:
+        model = self._camera.model
+        if frame.camera != self._name:
+            raise ValueError(f"a frame of {frame.camera!r}, but the camera is {self._name!r}")
+        if frame.image.shape != (model.height, model.width):
+            height, width = frame.image.shape
+            raise CalibrationError(
+                f"{frame.camera}: the image is {width}x{height}, its calibration is for {model.width}x{model.height}"
+            )
+        if self._last_ns is not None and frame.stamp_ns <= self._last_ns:
+            raise ValueError(
+                f"frame stamped {frame.stamp_ns} ns is not later than the last, {self._last_ns} ns"
+            )
+
+
+def _profile(name: str, camera: MountedCamera, config: Config) -> DefaultProfile | PaperProfile:
+    return (PaperProfile if config.profile == "paper" else DefaultProfile)(name, camera, config)
+
+
+def _overall(judgements: list[Judgement]) -> Status:
+    """Contradicted if any check is; undecided if any is, or if nothing was judged; else consistent."""
+    statuses = {judgement.result.status for judgement in judgements}
+    if Status.CONTRADICTED in statuses:
+        return Status.CONTRADICTED
+    judged = [j for j in judgements if j.result.check != "camera"]
+    return Status.UNDECIDED if Status.UNDECIDED in statuses or not judged else Status.CONSISTENT
+
+
+def _warm_up(config: Config) -> None:
+    """Run a short drive past a wall, so that every kernel is compiled before the first frame."""
+    model = CameraModel(width=320, height=240, fx=200, fy=200, cx=159.5, cy=119.5)
+    rng = np.random.default_rng(0)
+    wall = np.kron(rng.integers(0, 256, (40, 60)), np.ones((8, 8))).astype(np.uint8)
+    for camera in (
+        model,
+        CameraModel(**_fields(model), model="radial_tangential", distortion=(0.01, 0.0, 0.0, 0.0)),
+    ):
+        profile = _profile("warm-up", MountedCamera(model=camera, T_body_cam=SE3.identity()), config)
+        if isinstance(profile, PaperProfile):
+            profile.odometry.warm_up()
+        for i in range(6):
+            stamp_ns = i * 10**8
+            image = np.ascontiguousarray(wall[:240, 6 * i : 6 * i + 320])
+            step = SE3.from_translation([0.03 * 6 * i, 0.0, 0.0])
+            claims = [
+                PoseClaim(
+                    source="/odom", frame_id="odom", stamp_ns=stamp_ns, received_ns=0, T_odom_body=step
+                ),
+                MotionClaim(
+                    source="/imu", kind="imu", stamp_ns=stamp_ns, received_ns=0, angular_rad_s=np.zeros(3)
+                ),
+            ]
+            profile.update(Frame(camera="warm-up", stamp_ns=stamp_ns, received_ns=0, image=image), claims)
+
+
+def _fields(model: CameraModel) -> dict[str, float | int]:
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return {name: getattr(model, name) for name in names}
