@@ -1,0 +1,275 @@
+"""Position (GNSS or localisation) against the odometry that the camera vouches for.
+
+The position's innovation against dead reckoning is tested (`alignment` has the model, `ResidualTest` the tests): a
+jump shows at once, and a drag-off shows as a run of innovations of one sign, which is what a CUSUM adds up. For a
+known change of a linear Gaussian system the innovations hold all the evidence there is (Willsky and Jones, "A
+generalized likelihood ratio approach to the detection and estimation of jumps in linear systems", IEEE TAC 1976);
+the bank of several shifts plays the part of several windows, and shares one false-alarm rate among them. Windows of
+plain displacement are used only while the rotation between the frames is unknown (`unaligned`).
+
+A random-walk offset swallows slow drifts: a filter of gain k leaves ``s dt / k`` of a drift s in its innovations, so
+one that leaves too little, for good, is absorbed within about ``dt / k`` seconds. Both are stated: the smallest drift
+is the floor of every result, the time constant is `PositionCheck.absorption_s`. The gain is no larger than odometry
+drift and the noise of the stream (learned, `position_noise`) call for, and nothing is learned from a claim that is
+contradicted.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from belie.checks.alignment import Alignment
+from belie.checks.noise_scale import NoiseScaleSettings
+from belie.checks.position_noise import PositionNoise
+from belie.checks.position_settings import PositionSettings
+from belie.checks.residual_test import ResidualTest
+from belie.checks.sequential import Evidence, SequentialSettings
+from belie.checks.unaligned import Unaligned
+from belie.geometry import SE3, FloatArray, so3_exp
+from belie.types import CheckResult, PositionClaim, Status
+
+__all__ = ["POSITION_NOISE_SCALE", "PositionCheck", "PositionSettings"]
+
+POSITION_NOISE_SCALE = NoiseScaleSettings(memory_frames=200, prior_frames=8, most_offset=0.0)
+_AXES = ("x", "y", "z")
+_NEVER_TOLD_M = 1e3
+_FLOOR_CLAIMS = (10, 30, 100)
+_PLANAR_AFTER_M = 5.0
+
+
+class PositionCheck:
+    """Judges one stream of positions against the trusted trajectory.
+
+    Parameters
+    ----------
+    source : str
+        The stream's topic.
+    tests : int
+        How many residual tests share the stated false-alarm rate.
+    settings, sequential, noise
+        Model of the errors, of the sequential tests, and how quickly the noise is learned.
+
+    Examples
+    --------
+    >>> check = PositionCheck("/gnss", tests=1)
+    >>> rng = np.random.default_rng(0)
+    >>> def fix(i, jump_m=0.0):
+    ...     T_odom_body = SE3.from_translation([0.8 * i, 0.0, 0.0])
+    ...     p = T_odom_body.t + (jump_m, 0.0, 0.0) + rng.normal(0.0, 0.05, 3)
+    ...     claim = PositionClaim(source="/gnss", frame_id="odom", kind="gnss", stamp_ns=i * 10**8,
+    ...                           received_ns=0, position_m=p)
+    ...     return check.update(claim, T_odom_body, shares_axes=True)
+    >>> {fix(i).status.value for i in range(60, 100)} <= {"consistent", "undecided"}
+    True
+    >>> [fix(i).status.value for i in range(100, 161)][-1]
+    'consistent'
+    >>> fix(161, jump_m=2.0).status.value
+    'contradicted'
+    """
+
+    def __init__(
+        self,
+        source: str,
+        *,
+        tests: int,
+        settings: PositionSettings | None = None,
+        sequential: SequentialSettings | None = None,
+        noise: NoiseScaleSettings | None = None,
+    ) -> None:
+        self.source = source
+        self.settings = settings or PositionSettings()
+        self._sequential, self._tests = sequential or SequentialSettings(), tests
+        self._scale = noise or POSITION_NOISE_SCALE
+        self._unaligned = Unaligned(self.settings, self._sequential, tests=tests)
+        self._noise: PositionNoise | None = None
+        self._alignment: Alignment | None = None
+        self._test: ResidualTest | None = None
+        self._declared = np.eye(3)
+        self._levels = _Levels()
+        self._last: tuple[int, SE3, FloatArray] | None = None
+        self._odometry_lost = False
+        self._interval_s = 0.1
+        self.absorption_s: float | None = None
+        self.evidence: Evidence | None = None
+
+    def skip(self, reason: str, *, odometry_lost: bool = False) -> CheckResult:
+        """UNDECIDED for a frame without a claim; `odometry_lost`: nor is what was travelled meanwhile known."""
+        self.evidence = None
+        self._odometry_lost = self._odometry_lost or odometry_lost
+        return self._answer(Status.UNDECIDED, reason)
+
+    def update(self, claim: PositionClaim, T_odom_body: SE3, *, shares_axes: bool) -> CheckResult:
+        """Test a position.
+
+        Parameters
+        ----------
+        claim : PositionClaim
+        T_odom_body : SE3
+            The trusted trajectory at the claim's stamp; continuous from call to call unless `skip` was told.
+        shares_axes : bool
+            Whether position and odometry name the same frame; else both have z up and an unknown yaw between them.
+        """
+        self.evidence = None
+        if self._last is not None and claim.stamp_ns <= self._last[0]:
+            return self._answer(Status.UNDECIDED, "this position is not newer than the last one")
+        if self._noise is None:
+            self._noise = PositionNoise(self.settings, self._scale, declared=claim.covariance is not None)
+        if claim.covariance is not None and np.diag(claim.covariance).min() > 0.0:
+            self._declared = claim.covariance
+        elif self._last is None:
+            self._declared = np.eye(3) * self.settings.unknown_sigma_m**2
+        if claim.lever_m is not None:
+            T_odom_body = T_odom_body @ SE3.from_translation(claim.lever_m)
+        p_m, q_m = claim.position_m, T_odom_body.t
+        self._levels.see(p_m, q_m)
+        self._bridge_loss(claim.stamp_ns)
+        if self._alignment is None and shares_axes:
+            sigma = np.full(3, math.radians(self.settings.shared_sigma_deg))
+            self._align(np.eye(3), sigma, claim, T_odom_body)
+        if self._alignment is None:
+            result = self._test_lengths(claim, T_odom_body)
+        else:
+            result = self._test_innovation(self._alignment, claim, T_odom_body)
+        self._last = (claim.stamp_ns, T_odom_body, q_m)
+        return result
+
+    def _test_lengths(self, claim: PositionClaim, T_odom_body: SE3) -> CheckResult:
+        assert self._noise is not None
+        unit_m = self._unit_m()
+        self.evidence = e = self._unaligned.update(
+            claim.stamp_ns, claim.position_m, T_odom_body.t, self._noise, unit_m
+        )
+        floor = f"{self._unaligned.floor_m(self._noise, unit_m):.2g} m jump"
+        if e.contradicted:
+            reason = "the position moved another distance than the odometry that the camera vouches for"
+            return self._answer(Status.CONTRADICTED, reason, floor)
+        heading = self._unaligned.heading(self._noise, unit_m)
+        if self._noise.missing_claims == 0 and heading.sigma_rad < math.radians(self.settings.heading_known_deg):
+            tilt = math.radians(self.settings.tilt_sigma_deg)
+            R_map_odom = so3_exp(np.array([0.0, 0.0, heading.yaw_rad]))
+            self._align(R_map_odom, np.array([tilt, tilt, heading.sigma_rad]), claim, T_odom_body)
+        reason = (
+            f"the yaw between {self.source} and odometry is not observable yet: travelled {heading.extent_m:.1f} m, "
+            f"need about {heading.needed_m:.0f} m"
+        )
+        return self._answer(Status.UNDECIDED, reason, floor)
+
+    def _test_innovation(self, alignment: Alignment, claim: PositionClaim, T_odom_body: SE3) -> CheckResult:
+        assert self._noise is not None and self._test is not None
+        unit_m = self._unit_m()
+        if self._last is not None:
+            self._interval_s = (claim.stamp_ns - self._last[0]) * 1e-9
+        alignment.advance(T_odom_body, self._interval_s, self._noise.walk_m(unit_m))
+        r, H = alignment.residual(claim.position_m), alignment.jacobian()
+        noise = self._claim_noise(alignment, unit_m)
+        self.evidence = e = self._test.update(r, H, noise, claim.stamp_ns, self._interval_s)
+        if not e.contradicted:
+            self._noise.learn(claim.stamp_ns, r, unit_m)
+            alignment.settle()
+        share = alignment.absorbed(H @ alignment.errors.covariance @ H.T + noise)
+        self.absorption_s = self._interval_s / share
+        floor = self._floor(share)
+        if e.contradicted:
+            return self._answer(Status.CONTRADICTED, self._accusation(alignment, claim, e), floor)
+        missing = max(self._test.missing_frames, self._noise.missing_claims)
+        if missing > 0:
+            return self._answer(Status.UNDECIDED, f"learning the noise of this stream: {missing} more claims", floor)
+        apart_m = float(np.linalg.norm(r - H @ alignment.errors.mean))
+        sigma_m = float(self._test.sigma[self._levels.tested].max())
+        reason = (
+            f"the position is {apart_m:.2g} m from where the odometry leads (sigma {sigma_m:.2g} m); slower drifts "
+            f"than the floor are absorbed within {self.absorption_s:.1f} s"
+        )
+        return self._answer(Status.CONSISTENT, reason, floor)
+
+    def _align(
+        self, R_map_odom: FloatArray, sigma_rad: FloatArray, claim: PositionClaim, T_odom_body: SE3
+    ) -> None:
+        assert self._noise is not None
+        self._alignment = Alignment(
+            self.settings, R_map_odom, sigma_rad, claim.position_m, T_odom_body,
+            offset_sigma_m=2.0 * self._noise.fast_sigma_m(self._unit_m()),
+            lever_sigma_m=self.settings.lever_sigma_m if claim.kind == "gnss" else 0.0,
+        )  # fmt: skip
+        # The noise's size is learned over a long time in PositionNoise; what is left to the short one is a surge.
+        surge = self._scale.model_copy(
+            update={"most_offset": 0.0, "prior_scale": 1.0, "least_scale": 1.0, "memory_frames": 40}
+        )
+        self._test = ResidualTest(3, self._alignment.errors, self._sequential, surge, self._tests)
+
+    def _claim_noise(self, alignment: Alignment, unit_m: FloatArray) -> FloatArray:
+        """Covariance of the fast noise of one claim, shape (3, 3), m²."""
+        assert self._noise is not None
+        sigma_m = self._noise.fast_sigma_m(unit_m)
+        correlation = self._declared / np.outer(unit_m, unit_m)
+        noise = correlation * np.outer(sigma_m, sigma_m)
+        v = alignment.velocity_m_s
+        noise = noise + self.settings.clock_jitter_s**2 * np.outer(v, v)
+        if not self._levels.tested[2]:
+            noise[2, :2] = noise[:2, 2] = 0.0
+            noise[2, 2] = _NEVER_TOLD_M**2
+        return np.asarray(noise)
+
+    def _bridge_loss(self, stamp_ns: int) -> None:
+        if not self._odometry_lost:
+            return
+        self._odometry_lost = False
+        self._unaligned.forget_past()
+        if self._noise is not None:
+            self._noise.forget_past()
+        if self._alignment is not None and self._last is not None:
+            speed_m_s = float(np.linalg.norm(self._alignment.velocity_m_s))
+            self._alignment.widen(speed_m_s * (stamp_ns - self._last[0]) * 1e-9)
+
+    def _floor(self, share: float) -> str:
+        """Smallest jump that three claims show; smallest drift, against a filter that takes `share` of it a claim."""
+        assert self._test is not None
+        axes = self._levels.tested
+        jump_m = float(self._test.floor(3)[axes].max())
+        drifts = []
+        for claims in _FLOOR_CLAIMS:
+            n = np.arange(1, claims + 1)
+            left = float(np.mean((1.0 - (1.0 - share) ** n) / share))
+            drifts.append(float(self._test.floor(claims)[axes].max()) / (left * self._interval_s))
+        where = "" if axes[2] else " (horizontally)"
+        return f"{jump_m:.2g} m jump, {min(drifts):.2g} m/s drift{where}"
+
+    def _accusation(self, alignment: Alignment, claim: PositionClaim, e: Evidence) -> str:
+        apart_m = alignment.residual(claim.position_m) - alignment.jacobian() @ alignment.errors.mean
+        length_m = float(np.linalg.norm(apart_m[self._levels.tested]))
+        return (
+            f"the position is {length_m:.2g} m from where the odometry leads that the camera vouches for, "
+            f"first along {_AXES[e.component]}"
+        )
+
+    def _unit_m(self) -> FloatArray:
+        return np.asarray(np.sqrt(np.diag(self._declared)))
+
+    def _answer(self, status: Status, reason: str, floor: str | None = None) -> CheckResult:
+        e = self.evidence
+        return CheckResult(
+            check="position", source=self.source, status=status, statistic=e.statistic if e else None,
+            threshold=e.threshold if e else None, unit=e.unit if e else "llr", floor=floor, reason=reason,
+        )  # fmt: skip
+
+
+class _Levels:
+    """Whether heights can be compared: a wheel odometry or a 2-D localisation knows of none."""
+
+    def __init__(self) -> None:
+        self._first: tuple[FloatArray, FloatArray] | None = None
+        self._flat = [True, True]
+        self._last_m = np.zeros(3)
+        self._travelled_m = 0.0
+        self.tested = np.ones(3, dtype=bool)
+
+    def see(self, p_m: FloatArray, q_m: FloatArray) -> None:
+        if self._first is None:
+            self._first, self._last_m = (p_m, q_m), q_m
+        self._travelled_m += float(np.linalg.norm(q_m - self._last_m))
+        self._last_m = q_m
+        for i, (first, now) in enumerate(zip(self._first, (p_m, q_m), strict=True)):
+            self._flat[i] = self._flat[i] and abs(float(now[2] - first[2])) < 1e-6
+        self.tested[2] = not (self._travelled_m > _PLANAR_AFTER_M and self._flat[0] != self._flat[1])
