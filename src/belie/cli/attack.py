@@ -1,0 +1,120 @@
+"""``belie attack``: an attacked copy of a recording, and its labels."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from belie.cli.options import CameraInfo, Image, Imu, Odometry, Position, Rate, Source
+
+
+class Encoding(StrEnum):
+    """How images are stored."""
+
+    PNG = "png"
+    MONO8 = "mono8"
+    JPEG = "jpeg"
+
+
+class AttackCommand(TyperCommand):
+    """A command whose help ends with the catalogue of attacks, as `belie.attacks` knows it."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the usual help, then the catalogue."""
+        from belie.attacks import describe_attacks
+
+        super().format_help(ctx, formatter)
+        formatter.write(f"\n{describe_attacks()}\n")
+
+
+def attack(
+    source: Source,
+    specs: Annotated[
+        list[str],
+        typer.Argument(metavar="SPEC...", help="Attacks, name:option=value,…; see below.", show_default=False),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="OUT.mcap", help="Where to write; labels go beside it.")
+    ],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.mcap and its labels.")] = False,
+    encoding: Annotated[
+        Encoding, typer.Option("--encoding", help="How to store images; png and mono8 lose nothing.")
+    ] = Encoding.PNG,
+    image: Image = None,
+    camera_info: CameraInfo = None,
+    odometry: Odometry = None,
+    position: Position = None,
+    imu: Imu = None,
+    rate: Rate = None,
+) -> None:
+    """Write an attacked copy of a recording (ROS 2 MCAP), with labels of what lies and when.
+
+    SOURCE is never changed. The labels, OUT.mcap.labels.json, tell 'belie check --labels' the truth.
+
+    \b
+    Examples:
+      belie attack drive.mcap paper-odometry -o attacked.mcap
+      belie attack drive.mcap odometry-offset:axis=lateral,rate=0.05,start=100,stop=150 -o slow.mcap
+      belie attack drive.mcap imu-bias:axis=yaw,rate=0.5,start=20s -o gyro.mcap
+      belie attack kitti/00 --position poses position-ramp:rate=0.05,start=60 -o drag.mcap
+      belie attack drive.mcap camera-freeze:start=50 odometry-freeze:start=50 -o both.mcap
+    """
+    from belie.attacks import attack as attacked_by
+    from belie.attacks import labels_path, write_labels
+    from belie.cli.progress import frame_count, progress
+    from belie.recordings import open_recording, write_mcap
+
+    sidecar = labels_path(output)
+    _require_free(source, output, sidecar, force=force)
+    recording = open_recording(
+        source,
+        image=image,
+        camera_info=camera_info,
+        odometry=odometry,
+        position=position,
+        imu=imu,
+        rate_hz=rate,
+    )
+    attacked = attacked_by(recording, specs)
+    labels = attacked.labels
+    # Written under another name first: what was there before survives a failure.
+    partial = output.with_name(f".{output.stem}.partial{output.suffix}")
+    partial.unlink(missing_ok=True)
+    try:
+        with progress(f"writing {output.name}", frame_count(recording)) as advance:
+            write_mcap(
+                partial,
+                attacked.steps(),
+                cameras=recording.cameras,
+                body_axes=recording.body_axes,
+                image_encoding=encoding.value,
+                geodetic_origin=recording.geodetic_origin,
+                progress=lambda count: advance(),
+            )
+        partial.replace(output)
+    finally:
+        partial.unlink(missing_ok=True)
+    write_labels(sidecar, labels)
+    start_ns = int(attacked.frame_stamps_ns()[0])
+    for label in labels:
+        onset_s = (label.onset_ns - start_ns) * 1e-9
+        print(f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s, frame {label.start_frame}")
+    print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
+
+
+def _require_free(source: Path, output: Path, sidecar: Path, *, force: bool) -> None:
+    from belie.types import RecordingError
+
+    if output.suffix != ".mcap":
+        raise RecordingError(f"-o {output}: the name must end in .mcap, the format that is written")
+    if output.exists() and source.exists() and output.samefile(source):
+        raise RecordingError(f"-o {output} is the recording itself; choose another name")
+    if output.is_dir():
+        raise RecordingError(f"-o {output} is a folder; choose another name")
+    taken = [str(path) for path in (output, sidecar) if path.exists()]
+    if taken and not force:
+        raise RecordingError(f"{' and '.join(taken)} exists already; --force overwrites it")

@@ -1,0 +1,4 @@
+"""``belie calibrate``."""
+
+def calibrate() -> None:
+    """Later."""

@@ -1,0 +1,127 @@
+"""The short table at the end of ``belie check``."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from belie.types import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from belie.attacks import AttackLabel
+    from belie.evaluation.run import Run, TracedAlert
+    from belie.evaluation.score import Score
+
+_MOST_REASONS = 5
+
+
+def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_stderr: bool = False) -> None:
+    """Frames, span, alerts, undecided frames with their reasons, latency; and the score, where there are labels."""
+    stream = sys.stderr if to_stderr else sys.stdout
+    console = Console(file=stream, width=None if stream.isatty() else 120, highlight=False)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    table.add_row("recording", Text(f"{run.source} ({run.format}), profile {run.profile}"))
+    table.add_row("frames", _frames(run))
+    table.add_row("verdict", _verdict(run))
+    table.add_row("latency", _latency(run))
+    console.print(table)
+    if run.alerts:
+        console.print(_alerts(run))
+    if labels is not None:
+        _print_score(console, run.score(labels))
+    _print_undecided(console, run)
+
+
+def _frames(run: Run) -> str:
+    seconds = float(run.trace.seconds[-1])
+    rate = f", {(len(run.trace) - 1) / seconds:.1f} Hz" if seconds > 0 else ""
+    return f"{len(run.trace)} in {seconds:.1f} s{rate}"
+
+
+def _verdict(run: Run) -> Text:
+    shares = ", ".join(f"{status.value} {run.trace.share(status):.1%}" for status in Status)
+    if not run.alerts:
+        return Text(f"no alert; frames {shares}")
+    plural = "s" if len(run.alerts) > 1 else ""
+    return Text.assemble((f"{len(run.alerts)} alert{plural}", "bold red"), f"; frames {shares}")
+
+
+def _latency(run: Run) -> str:
+    p50, p95 = np.percentile(run.trace.latency_ms, (50, 95))
+    decode = float(np.median(run.trace.decode_ms))
+    return f"p50 {p50:.1f} ms, p95 {p95:.1f} ms a frame; decoding apart: p50 {decode:.1f} ms"
+
+
+def _alerts(run: Run) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", title_justify="left")
+    for column in ("alert", "source", "raised at", "onset (estimate)", "delay"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("because")
+    for alert in run.alerts:
+        table.add_row(*_alert_row(run, alert))
+    return table
+
+
+def _alert_row(run: Run, traced: TracedAlert) -> tuple[Text, ...]:
+    raised, alert = traced.raised, traced.raised.alert
+    started_s, raised_s = run.trace.since_start_s([alert.onset_ns, raised.stamp_ns])
+    onset_frame = run.trace.frame_at(alert.onset_ns)
+    named = alert.source if alert.object is None else f"{alert.source} {alert.object}"
+    return (
+        Text(alert.type.value, style="red"),
+        Text(named),
+        Text(f"{raised_s:.2f} s, frame {raised.frame}"),
+        Text(f"{started_s:.2f} s, frame {onset_frame}"),
+        Text(f"{traced.delay_ns * 1e-9:.2f} s, {max(0, raised.frame - onset_frame)} frames"),
+        Text(traced.reason),
+    )
+
+
+def _print_score(console: Console, result: Score) -> None:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for column in ("attack", "on", "result", "delay"):
+        table.add_column(column)
+    for scored in result.labels:
+        delay = (
+            ""
+            if scored.delay_frames is None or scored.delay_ms is None
+            else f"{scored.delay_frames} frames, {scored.delay_ms / 1e3:.2f} s"
+        )
+        found = Text("hit", style="green") if scored.hit is not None else Text("MISS", style="bold red")
+        table.add_row(Text(scored.label.text), Text(", ".join(scored.label.sources)), found, delay)
+    if result.labels:
+        console.print(table)
+    bound = result.false_alerts_per_hour_upper
+    known = "" if bound is None else f" in {result.honest_s:.1f} s without attack (at most {bound:.0f}/h, 95 %)"
+    console.print(
+        Text(
+            f"hits {result.hits} of {len(result.labels)}; false alerts {len(result.false_alerts)}{known}; "
+            f"wrong type or source {len(result.wrong_attributions)}"
+        )
+    )
+
+
+def _print_undecided(console: Console, run: Run) -> None:
+    share, reasons = run.trace.share(Status.UNDECIDED), run.undecided_reasons()
+    if not reasons or math.isnan(share):
+        return
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for check, reason, frames in reasons[:_MOST_REASONS]:
+        table.add_row(f"{frames / len(run.trace):.1%}", Text(check), Text(reason))
+    console.print(Text("undecided, share of the frames"))
+    console.print(table)
+    if len(reasons) > _MOST_REASONS:
+        console.print(Text(f"and {len(reasons) - _MOST_REASONS} rarer reasons"))

@@ -1,0 +1,58 @@
+"""The command line. Heavy imports happen inside the commands: ``belie --help`` answers at once."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from belie.cli import attack, calibrate, check, config, info
+from belie.cli.errors import OneLineGroup
+
+app = typer.Typer(
+    cls=OneLineGroup,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"belie {version('belie')}")
+        raise typer.Exit
+
+
+@app.callback()
+def belie(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version, and exit."),
+    ] = False,
+) -> None:
+    """Check what a robot claims of itself against what its camera sees.
+
+    Odometry, IMU, GNSS and localisation say how a robot moved. The images of its camera say it too, and are hard to
+    forge consistently. belie compares them frame by frame, names the stream that lies, and says what it could not
+    decide.
+
+    \b
+    First steps:
+      belie info  drive.mcap                      what is in it, and what would be checked
+      belie check drive.mcap --report drive.html  check it; the report explains every figure
+      belie attack drive.mcap paper-odometry -o attacked.mcap
+      belie check attacked.mcap --labels attacked.mcap.labels.json
+
+    \b
+    Exit codes: 0 no alert, 1 alert raised, 2 usage or data error.
+    """
+
+
+app.command("info")(info.info)
+app.command("check")(check.check)
+app.command("attack", cls=attack.AttackCommand)(attack.attack)
+app.command("config")(config.config)
+app.command("calibrate")(calibrate.calibrate)

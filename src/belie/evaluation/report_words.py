@@ -1,0 +1,162 @@
+"""What the report says in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from belie.evaluation.run import Run, TracedAlert
+from belie.evaluation.snapshots import Snapshot
+from belie.types import AlertType, Status
+
+_ACCUSATIONS = {
+    AlertType.ODOMETRY_SPOOFING: "{source} claims a motion that the camera did not see",
+    AlertType.POSITION_SPOOFING: "{source} claims positions that do not fit the motion that the camera saw",
+    AlertType.CAMERA_FAULT: "the camera {source} does not show the world as it is",
+    AlertType.OBSTACLE_HIDING: "an object that is still in the image of {source} is no longer reported",
+    AlertType.OBJECT_MISCLASSIFICATION: "an object that has not changed in the image of {source} is reported as another",
+    AlertType.OBSTACLE_INJECTION: "an object is reported by {source} that the image does not show",
+}
+_TYPE_NAMES = {
+    AlertType.ODOMETRY_SPOOFING: "false motion (odometry or IMU)",
+    AlertType.POSITION_SPOOFING: "false position (GNSS or localisation)",
+    AlertType.CAMERA_FAULT: "camera at fault",
+    AlertType.OBSTACLE_HIDING: "hidden obstacle",
+    AlertType.OBJECT_MISCLASSIFICATION: "misclassified object",
+    AlertType.OBSTACLE_INJECTION: "invented obstacle",
+}
+
+
+def accusation(alert_type: AlertType, source: str) -> str:
+    """What an alert says, as a clause.
+
+    >>> accusation(AlertType.CAMERA_FAULT, "/image")
+    'the camera /image does not show the world as it is'
+    """
+    return _ACCUSATIONS[alert_type].format(source=source)
+
+
+def type_name(alert_type: AlertType) -> str:
+    """An alert type in words.
+
+    >>> type_name(AlertType.CAMERA_FAULT)
+    'camera at fault'
+    """
+    return _TYPE_NAMES[alert_type]
+
+
+def headline(run: Run) -> str:
+    """The verdict in one sentence."""
+    if run.alerts:
+        first = run.alerts[0]
+        start_s = run.trace.since_start_s([first.raised.alert.onset_ns])[0]
+        said = accusation(first.raised.alert.type, first.raised.alert.source)
+        others = len(run.alerts) - 1
+        more = "" if not others else f", and {others} more alert{'s' if others > 1 else ''}"
+        return f"{said[0].upper()}{said[1:]}, from about {start_s:.1f} s on{more}."
+    undecided = run.trace.share(Status.UNDECIDED)
+    if undecided > 0.9:
+        return "No claim was contradicted, but almost nothing could be judged."
+    if undecided > 0.5:
+        return "No claim was contradicted, but more than half of the recording could not be judged."
+    return "No claim was contradicted: what the robot said agrees with what its camera saw."
+
+
+def summary(run: Run) -> str:
+    """The numbers behind the headline, in one sentence."""
+    shares = {status: run.trace.share(status) for status in Status}
+    return (
+        f"{len(run.trace)} frames over {run.trace.seconds[-1]:.1f} s: "
+        f"{shares[Status.CONSISTENT]:.0%} consistent, {shares[Status.CONTRADICTED]:.0%} contradicted, "
+        f"{shares[Status.UNDECIDED]:.0%} undecided."
+    )
+
+
+def alert_row(run: Run, traced: TracedAlert) -> dict[str, str]:
+    """One alert, for the table."""
+    raised, alert = traced.raised, traced.raised.alert
+    onset_s, raised_s, end_s = run.trace.since_start_s([alert.onset_ns, raised.stamp_ns, traced.end_ns])
+    ends_with_run = traced.end_ns >= int(run.trace.stamps_ns[-1])
+    return {
+        "type": type_name(alert.type),
+        "identifier": alert.type.value,
+        "source": alert.source if alert.object is None else f"{alert.source}, {alert.object}",
+        "onset": f"{onset_s:.2f} s (frame {run.trace.frame_at(alert.onset_ns)})",
+        "raised": f"{raised_s:.2f} s (frame {raised.frame})",
+        "delay": f"{traced.delay_ns * 1e-9:.2f} s",
+        "end": "still on at the end" if ends_with_run else f"{end_s:.2f} s",
+        "reason": traced.reason,
+    }
+
+
+def snapshot_title(run: Run, snapshot: Snapshot) -> str:
+    """Which frame this is, and why it is shown."""
+    second = run.trace.since_start_s([snapshot.stamp_ns])[0]
+    where = f"Frame {snapshot.number}, {second:.2f} s"
+    if snapshot.alert is None:
+        return f"{where}: the frame that came nearest to an alert"
+    return f"{where}: {type_name(snapshot.alert.type)}, {snapshot.alert.source}"
+
+
+def snapshot_words(run: Run, snapshot: Snapshot) -> str:
+    """What the corners of this picture show."""
+    if math.isnan(snapshot.displacement_px):
+        return "No corners could be drawn in this frame."
+    apart = f"They lie {snapshot.displacement_px:.1f} px apart (median, in the full image)."
+    if snapshot.basis == "prediction":
+        basis = (
+            "the map that was built from the claims predicts them"
+            if run.profile == "paper"
+            else "they were predicted from the motion so far"
+        )
+        return f"Filled: where corners of the scene are. Hollow: where {basis}. {apart}"
+    since_s = (snapshot.stamp_ns - snapshot.since_ns) * 1e-9
+    words = (
+        f"Filled: where corners of the scene are. Hollow: where they would have to be if the odometry's claim of the "
+        f"last {since_s:.1f} s was true. {apart}"
+    )
+    if snapshot.displacement_px < 2.0:
+        if snapshot.alert is not None and snapshot.alert.type is AlertType.POSITION_SPOOFING:
+            words += " The odometry agrees with the camera; it is the position that does not."
+        elif snapshot.alert is not None and snapshot.alert.type is AlertType.ODOMETRY_SPOOFING:
+            words += " Over so short a time the lie is small; it was found because it went on and on."
+    return words
+
+
+def floor_rows(run: Run) -> list[dict[str, str]]:
+    """Minimum detectable lie by check and unit: at its best, usually, at its worst."""
+    rows = []
+    for check in run.trace.checks:
+        for unit, values in check.floors.items():
+            finite = values[np.isfinite(values)]
+            if len(finite):
+                best, usual, worst = np.percentile(finite, (5, 50, 95))
+                rows.append(
+                    {
+                        "check": f"{check.check} {check.source}",
+                        "usual": f"{usual:.2g} {unit}",
+                        "best": f"{best:.2g} {unit}",
+                        "worst": f"{worst:.2g} {unit}",
+                    }
+                )
+    return rows
+
+
+def latency_words(run: Run) -> str:
+    """How long an update took."""
+    p50, p95, slowest = np.percentile(run.trace.latency_ms, (50, 95, 100))
+    decode = float(np.median(run.trace.decode_ms))
+    return (
+        f"One update took {p50:.1f} ms (median), {p95:.1f} ms (95 % were faster), {slowest:.1f} ms at most. "
+        f"Decoding an image took {decode:.1f} ms (median) beside that."
+    )
+
+
+def mishap_rows(run: Run) -> Sequence[tuple[str, str]]:
+    """What the joining of the streams met: kind, and how often on which stream."""
+    return [
+        (kind.replace("_", " "), ", ".join(f"{count} of {stream}" for stream, count in streams.items()))
+        for kind, streams in run.join_counts.items()
+    ]

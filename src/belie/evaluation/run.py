@@ -1,0 +1,292 @@
+"""A detector over a recording: one pass, and what it leaves for tables, scores and the report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+from belie.attacks import AttackLabel
+from belie.evaluation.expected_corners import View
+from belie.evaluation.score import RaisedAlert, Score, score
+from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
+from belie.evaluation.trace import STATUSES, Trace, TraceRecorder
+from belie.geometry import SE3
+from belie.types import (
+    Claim,
+    Frame,
+    MountedCamera,
+    RecordingError,
+    Settings,
+    Status,
+    Step,
+    Verdict,
+    VisualEstimate,
+)
+
+
+class FrameChecker(Protocol):
+    """What a run asks of a detector; `belie.detector.Detector` is one."""
+
+    @property
+    def estimate(self) -> VisualEstimate | None:
+        """What the images said of the last frame."""
+        ...
+
+    @property
+    def T_odom_cam_claimed(self) -> SE3 | None:
+        """Where the odometry says that the camera was."""
+        ...
+
+    @property
+    def T_odom_cam_seen(self) -> SE3 | None:
+        """Where the images say that it was."""
+        ...
+
+    def update(self, frame: Frame, claims: Iterable[Claim]) -> Verdict:
+        """The answer for one frame."""
+        ...
+
+
+class Checked(Protocol):
+    """What a run asks of a recording: `belie.recordings.Recording`, plain or attacked."""
+
+    path: Path
+    format: str
+    body_axes: Any
+    join_counts: Any
+
+    @property
+    def cameras(self) -> Mapping[str, MountedCamera]:
+        """The cameras by name."""
+        ...
+
+    def steps(self) -> Iterator[Step]:
+        """Frames with their claims."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TracedAlert:
+    """An alert, the frame in which it was raised, and how long what raised it stayed contradicted.
+
+    Parameters
+    ----------
+    raised : RaisedAlert
+        The alert.
+    check, reason : str
+        The check behind it, and what that said.
+    end_ns : int
+        Stamp of the last frame in a row that contradicts the same stream.
+    """
+
+    raised: RaisedAlert
+    check: str
+    reason: str
+    end_ns: int
+
+    @property
+    def delay_ns(self) -> int:
+        """From the estimated onset to the frame that raised the alert."""
+        return max(0, self.raised.stamp_ns - self.raised.alert.onset_ns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Run:
+    """One pass of a detector over a recording; made by `run_detector`.
+
+    Parameters
+    ----------
+    source, format : str
+        Where the recording is and what it is.
+    body_axes : "flu" or "rdf"
+        How the body frame lies in the vehicle.
+    cameras : mapping of str to MountedCamera
+        The cameras.
+    config : Settings
+        The detector's settings.
+    version : str
+        Of belie.
+    trace : Trace
+        A few numbers a frame.
+    alerts : tuple of TracedAlert
+        In order.
+    snapshots : tuple of Snapshot
+        Pictures at the alerts, or of the frame nearest to one.
+    join_counts : mapping
+        For each kind of mishap in joining the streams, how often it befell each stream.
+    """
+
+    source: str
+    format: str
+    body_axes: str
+    cameras: Mapping[str, MountedCamera]
+    config: Settings
+    version: str
+    trace: Trace
+    alerts: tuple[TracedAlert, ...]
+    snapshots: tuple[Snapshot, ...]
+    join_counts: Mapping[str, Mapping[str, int]]
+
+    @property
+    def profile(self) -> str:
+        """``default`` or ``paper``."""
+        return str(getattr(self.config, "profile", "default"))
+
+    def verdicts(self) -> Iterator[Verdict]:
+        """The verdicts without their checks: what `score` needs."""
+        trace = self.trace
+        raised: dict[int, list[RaisedAlert]] = {}
+        for alert in self.alerts:
+            raised.setdefault(alert.raised.frame, []).append(alert.raised)
+        for index in range(len(trace)):
+            frame = int(trace.frames[index])
+            yield Verdict(
+                frame=frame,
+                stamp_ns=int(trace.stamps_ns[index]),
+                status=STATUSES[int(trace.status[index])],
+                latency_ms=float(trace.latency_ms[index]),
+                alerts=tuple(one.alert for one in raised.get(frame, ())),
+            )
+
+    def score(self, labels: Iterable[AttackLabel]) -> Score:
+        """Hits, misses, delays and false alerts; see `belie.evaluation.score`."""
+        return score(self.verdicts(), labels)
+
+    def undecided_reasons(self) -> list[tuple[str, str, int]]:
+        """(check, reason without numbers, frames) of all that stayed undecided, the most frequent first."""
+        counted: Counter[tuple[str, str]] = Counter()
+        for check in self.trace.checks:
+            for reason, frames in check.undecided.items():
+                counted[f"{check.check} {check.source}", reason] += frames
+        return [(check, reason, frames) for (check, reason), frames in counted.most_common()]
+
+
+def run_detector(
+    recording: Checked,
+    config: Settings,
+    *,
+    detector: FrameChecker | None = None,
+    on_verdict: Callable[[Verdict], None] | None = None,
+) -> Run:
+    """Check a recording from its first frame to its last; memory stays flat.
+
+    Parameters
+    ----------
+    recording : Recording
+        Plain or attacked.
+    config : Config
+        Settings of the detector.
+    detector : Detector, optional
+        A fresh one; by default it is made from `config`.
+    on_verdict : callable, optional
+        Is given every verdict as soon as it is there.
+
+    Raises
+    ------
+    RecordingError
+        If the recording cannot be read, or holds no frame.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> def steps():
+    ...     image = np.zeros((48, 64), np.uint8)
+    ...     yield from (Step(frame=Frame(camera="/image", stamp_ns=t, received_ns=t, image=image))
+    ...                 for t in (0, 10))
+    >>> recording = SimpleNamespace(path="x", format="made", body_axes="flu", cameras={}, join_counts=None,
+    ...                             steps=steps)
+    >>> blind = SimpleNamespace(estimate=None, T_odom_cam_claimed=None, T_odom_cam_seen=None,
+    ...     update=lambda frame, claims: Verdict(frame=frame.stamp_ns // 10, stamp_ns=frame.stamp_ns,
+    ...                                          status=Status.UNDECIDED, latency_ms=1.0))
+    >>> run = run_detector(recording, Settings(), detector=blind)
+    >>> len(run.trace), run.trace.share(Status.UNDECIDED)
+    (2, 1.0)
+    """
+    detector = detector or _detector(recording.cameras, config)
+    trace = TraceRecorder()
+    alerts = _AlertRecorder()
+    claims_predict = getattr(config, "profile", "default") == "paper"
+    snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
+    with closing(_closable(recording.steps())) as steps:
+        for step in steps:
+            verdict = detector.update(step.frame, step.claims)
+            claimed, seen = detector.T_odom_cam_claimed, detector.T_odom_cam_seen
+            trace.add(step, verdict, claimed, seen)
+            alerts.add(verdict)
+            view = View(
+                number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
+            )
+            snapshots.add(view, verdict, detector.estimate)
+            if on_verdict is not None:
+                on_verdict(verdict)
+    finished = trace.finish()
+    if not len(finished):
+        raise RecordingError(f"{recording.path} holds no frame that could be checked")
+    return Run(
+        source=str(recording.path),
+        format=recording.format,
+        body_axes=recording.body_axes,
+        cameras=recording.cameras,
+        config=config,
+        version=version("belie"),
+        trace=finished,
+        alerts=alerts.finish(),
+        snapshots=snapshots.finish(),
+        join_counts=_counts(recording.join_counts),
+    )
+
+
+def _detector(cameras: Mapping[str, MountedCamera], config: Settings) -> FrameChecker:
+    from belie.detector import Detector
+
+    return Detector(cameras, config)
+
+
+def _closable(steps: Iterator[Step]) -> Any:
+    return steps if hasattr(steps, "close") else (step for step in steps)
+
+
+def _counts(join_counts: Any) -> dict[str, dict[str, int]]:
+    """What befell which stream; kinds and streams without a count are left out."""
+    names = getattr(type(join_counts), "__slots__", ())
+    found = {name: {k: v for k, v in getattr(join_counts, name).items() if v} for name in names}
+    return {name: streams for name, streams in found.items() if streams}
+
+
+class _AlertRecorder:
+    """Follows each alert for as long as its stream stays contradicted."""
+
+    def __init__(self) -> None:
+        self._ended: list[TracedAlert] = []
+        self._open: dict[int, tuple[RaisedAlert, str, str, int]] = {}
+        self._number = 0
+
+    def add(self, verdict: Verdict) -> None:
+        contradicted = {r.source: r for r in verdict.checks if r.status is Status.CONTRADICTED}
+        undecided = {r.source for r in verdict.checks if r.status is Status.UNDECIDED}
+        for number, (raised, check, reason, _) in list(self._open.items()):
+            if raised.alert.source in contradicted:
+                self._open[number] = (raised, check, reason, verdict.stamp_ns)
+            elif raised.alert.source not in undecided:  # what cannot be tested is not acquitted
+                self._end(number)
+        for alert in verdict.alerts:
+            raised = RaisedAlert(frame=verdict.frame, stamp_ns=verdict.stamp_ns, alert=alert)
+            result = contradicted.get(alert.source)
+            check, reason = ("", "") if result is None else (result.check, result.reason)
+            self._open[self._number] = (raised, check, reason, verdict.stamp_ns)
+            self._number += 1
+
+    def _end(self, number: int) -> None:
+        raised, check, reason, end_ns = self._open.pop(number)
+        self._ended.append(TracedAlert(raised=raised, check=check, reason=reason, end_ns=end_ns))
+
+    def finish(self) -> tuple[TracedAlert, ...]:
+        for number in list(self._open):
+            self._end(number)
+        return tuple(sorted(self._ended, key=lambda traced: traced.raised.stamp_ns))
