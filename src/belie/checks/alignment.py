@@ -71,7 +71,11 @@ class Alignment:
         prior = np.full(_PARAMETERS, _UNBOUNDED)
         self.errors = SystematicErrors(prior, np.ones(_PARAMETERS))
         sigma = np.zeros(_PARAMETERS)
-        sigma[ROTATION], sigma[SCALE], sigma[OFFSET] = rotation_sigma_rad, settings.scale_sigma, offset_sigma_m
+        sigma[ROTATION], sigma[SCALE], sigma[OFFSET] = (
+            rotation_sigma_rad,
+            settings.scale_sigma,
+            offset_sigma_m,
+        )
         sigma[LEVER], sigma[DELAY] = lever_sigma_m, settings.clock_sigma_s
         self.errors.covariance = np.diag(sigma**2)
 
@@ -129,11 +133,11 @@ class Alignment:
         self._R_map_odom = so3_exp(self.errors.mean[ROTATION]) @ self._R_map_odom
         self.errors.mean[ROTATION] = 0.0
 
-    def absorbed(self, S: FloatArray) -> float:
-        """Share of an innovation that offset and slow noise take in at once: the filter's gain, 0 to 1.
+    def absorbed(self, noise: FloatArray) -> FloatArray:
+        """Share of an innovation that the filter takes in at once (its gain, 0 to 1) along each axis, shape (3,).
 
-        `S` is the innovation's covariance, shape (3, 3); the largest of the three axes is given.
+        `noise` is the covariance of the last claim's own noise, shape (3, 3). After the update, ``H P H' = K R``.
         """
-        P = self.errors.covariance
-        taken = np.diag(P[OFFSET, OFFSET] + P[SLOW, SLOW] + P[OFFSET, SLOW] + P[SLOW, OFFSET])
-        return float(np.clip(np.max(taken / np.diag(S)), 1e-4, 1.0))
+        H = self.jacobian()
+        taken = np.diag(H @ self.errors.covariance @ H.T) / np.diag(noise)
+        return np.asarray(np.clip(taken, 1e-4, 1.0))

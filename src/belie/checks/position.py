@@ -4,7 +4,7 @@ The position's innovation against dead reckoning is tested (`alignment` has the 
 jump shows at once, and a drag-off shows as a run of innovations of one sign, which is what a CUSUM adds up. For a
 known change of a linear Gaussian system the innovations hold all the evidence there is (Willsky and Jones, "A
 generalized likelihood ratio approach to the detection and estimation of jumps in linear systems", IEEE TAC 1976);
-the bank of several shifts plays the part of several windows, and shares one false-alarm rate among them. Windows of
+the bank of shifts plays the part of several windows, and shares one false-alarm rate among them. Windows of
 plain displacement are used only while the rotation between the frames is unknown (`unaligned`).
 
 A random-walk offset swallows slow drifts: a filter of gain k leaves ``s dt / k`` of a drift s in its innovations, so
@@ -21,19 +21,22 @@ import math
 import numpy as np
 
 from belie.checks.alignment import Alignment
+from belie.checks.innovation_test import InnovationTest
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.position_noise import PositionNoise
 from belie.checks.position_settings import PositionSettings
-from belie.checks.residual_test import ResidualTest
 from belie.checks.sequential import Evidence, SequentialSettings
 from belie.checks.unaligned import Unaligned
 from belie.geometry import SE3, FloatArray, so3_exp
 from belie.types import CheckResult, PositionClaim, Status
 
-__all__ = ["POSITION_NOISE_SCALE", "PositionCheck", "PositionSettings"]
+__all__ = ["PositionCheck", "PositionSettings"]
 
-POSITION_NOISE_SCALE = NoiseScaleSettings(memory_frames=200, prior_frames=8, most_offset=0.0)
-_AXES = ("x", "y", "z")
+_AXES = ("x", "y", "z", "x + y", "x - y")
+# A lie along no axis would show only 0.7 of itself; with the diagonals it is 0.92.
+_DIRECTIONS = np.array(
+    [[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5**0.5, 0.5**0.5, 0], [0.5**0.5, -(0.5**0.5), 0]]
+)
 _NEVER_TOLD_M = 1e3
 _FLOOR_CLAIMS = (10, 30, 100)
 _PLANAR_AFTER_M = 5.0
@@ -81,11 +84,10 @@ class PositionCheck:
         self.source = source
         self.settings = settings or PositionSettings()
         self._sequential, self._tests = sequential or SequentialSettings(), tests
-        self._scale = noise or POSITION_NOISE_SCALE
         self._unaligned = Unaligned(self.settings, self._sequential, tests=tests)
         self._noise: PositionNoise | None = None
         self._alignment: Alignment | None = None
-        self._test: ResidualTest | None = None
+        self._test: InnovationTest | None = None
         self._declared = np.eye(3)
         self._levels = _Levels()
         self._last: tuple[int, SE3, FloatArray] | None = None
@@ -115,7 +117,7 @@ class PositionCheck:
         if self._last is not None and claim.stamp_ns <= self._last[0]:
             return self._answer(Status.UNDECIDED, "this position is not newer than the last one")
         if self._noise is None:
-            self._noise = PositionNoise(self.settings, self._scale, declared=claim.covariance is not None)
+            self._noise = PositionNoise(self.settings, declared=claim.covariance is not None)
         if claim.covariance is not None and np.diag(claim.covariance).min() > 0.0:
             self._declared = claim.covariance
         elif self._last is None:
@@ -146,7 +148,9 @@ class PositionCheck:
             reason = "the position moved another distance than the odometry that the camera vouches for"
             return self._answer(Status.CONTRADICTED, reason, floor)
         heading = self._unaligned.heading(self._noise, unit_m)
-        if self._noise.missing_claims == 0 and heading.sigma_rad < math.radians(self.settings.heading_known_deg):
+        if self._noise.missing_claims == 0 and heading.sigma_rad < math.radians(
+            self.settings.heading_known_deg
+        ):
             tilt = math.radians(self.settings.tilt_sigma_deg)
             R_map_odom = so3_exp(np.array([0.0, 0.0, heading.yaw_rad]))
             self._align(R_map_odom, np.array([tilt, tilt, heading.sigma_rad]), claim, T_odom_body)
@@ -164,20 +168,28 @@ class PositionCheck:
         alignment.advance(T_odom_body, self._interval_s, self._noise.walk_m(unit_m))
         r, H = alignment.residual(claim.position_m), alignment.jacobian()
         noise = self._claim_noise(alignment, unit_m)
-        self.evidence = e = self._test.update(r, H, noise, claim.stamp_ns, self._interval_s)
-        if not e.contradicted:
+        innovation, S = alignment.errors.innovation(r, H, noise)
+        self.evidence = e = self._test.update(
+            _DIRECTIONS @ innovation, _DIRECTIONS @ S @ _DIRECTIONS.T, claim.stamp_ns, self._interval_s
+        )
+        if e.contradicted:
+            self._noise.reject()
+        else:
             self._noise.learn(claim.stamp_ns, r, unit_m)
+            alignment.errors.learn(innovation, S, H)
             alignment.settle()
-        share = alignment.absorbed(H @ alignment.errors.covariance @ H.T + noise)
+        share = float(alignment.absorbed(noise)[self._levels.tested].max())
         self.absorption_s = self._interval_s / share
         floor = self._floor(share)
         if e.contradicted:
             return self._answer(Status.CONTRADICTED, self._accusation(alignment, claim, e), floor)
-        missing = max(self._test.missing_frames, self._noise.missing_claims)
+        missing = max(self._test.missing, self._noise.missing_claims)
         if missing > 0:
-            return self._answer(Status.UNDECIDED, f"learning the noise of this stream: {missing} more claims", floor)
+            return self._answer(
+                Status.UNDECIDED, f"learning the noise of this stream: {missing} more claims", floor
+            )
         apart_m = float(np.linalg.norm(r - H @ alignment.errors.mean))
-        sigma_m = float(self._test.sigma[self._levels.tested].max())
+        sigma_m = float(self._test.sigma[:3][self._levels.tested].max())
         reason = (
             f"the position is {apart_m:.2g} m from where the odometry leads (sigma {sigma_m:.2g} m); slower drifts "
             f"than the floor are absorbed within {self.absorption_s:.1f} s"
@@ -193,11 +205,10 @@ class PositionCheck:
             offset_sigma_m=2.0 * self._noise.fast_sigma_m(self._unit_m()),
             lever_sigma_m=self.settings.lever_sigma_m if claim.kind == "gnss" else 0.0,
         )  # fmt: skip
-        # The noise's size is learned over a long time in PositionNoise; what is left to the short one is a surge.
-        surge = self._scale.model_copy(
-            update={"most_offset": 0.0, "prior_scale": 1.0, "least_scale": 1.0, "memory_frames": 40}
-        )
-        self._test = ResidualTest(3, self._alignment.errors, self._sequential, surge, self._tests)
+        self._test = InnovationTest(
+            len(_DIRECTIONS), self._sequential, tests=self._tests, memory=self.settings.memory_claims,
+            learning=self.settings.learning_claims, waiting=self.settings.waiting_claims,
+        )  # fmt: skip
 
     def _claim_noise(self, alignment: Alignment, unit_m: FloatArray) -> FloatArray:
         """Covariance of the fast noise of one claim, shape (3, 3), m²."""
@@ -227,12 +238,12 @@ class PositionCheck:
         """Smallest jump that three claims show; smallest drift, against a filter that takes `share` of it a claim."""
         assert self._test is not None
         axes = self._levels.tested
-        jump_m = float(self._test.floor(3)[axes].max())
+        jump_m = float(self._test.floor(3)[:3][axes].max())
         drifts = []
         for claims in _FLOOR_CLAIMS:
             n = np.arange(1, claims + 1)
             left = float(np.mean((1.0 - (1.0 - share) ** n) / share))
-            drifts.append(float(self._test.floor(claims)[axes].max()) / (left * self._interval_s))
+            drifts.append(float(self._test.floor(claims)[:3][axes].max()) / (left * self._interval_s))
         where = "" if axes[2] else " (horizontally)"
         return f"{jump_m:.2g} m jump, {min(drifts):.2g} m/s drift{where}"
 

@@ -30,9 +30,13 @@ class PositionSettings(Settings):
     clock_sigma_s: float = Field(
         0.1, ge=0.0, description="constant delay of the position against the odometry; estimated [s]"
     )
-    clock_jitter_s: float = Field(0.002, ge=0.0, description="what varies of that delay from claim to claim [s]")
+    clock_jitter_s: float = Field(
+        0.005, ge=0.0, description="what varies of that delay from claim to claim [s]"
+    )
     lever_sigma_m: float = Field(
-        0.3, ge=0.0, description="error of a GNSS antenna's stated place on the body; estimated [m, each axis]"
+        0.3,
+        ge=0.0,
+        description="error of a GNSS antenna's stated place on the body; estimated [m, each axis]",
     )
     odometry_walk_m: float = Field(
         0.02, ge=0.0, description="random walk of the odometry's position [m per sqrt(m)]"
@@ -44,17 +48,37 @@ class PositionSettings(Settings):
         0.05, ge=0.0, description="random walk of the odometry's attitude, each axis [deg per sqrt(m)]"
     )
     scale_sigma: float = Field(0.02, ge=0.0, description="relative error of the odometry's scale [1]")
-    scale_walk: float = Field(
-        0.0005, ge=0.0, description="how that error wanders [relative, per sqrt(m)]"
-    )
+    scale_walk: float = Field(0.0005, ge=0.0, description="how that error wanders [relative, per sqrt(m)]")
     tilt_sigma_deg: float = Field(
-        2.0, ge=0.0, description="how far the odometry's up axis may be off the vertical, frames not shared [deg]"
+        2.0,
+        ge=0.0,
+        description="how far the odometry's up axis may be off the vertical, frames not shared [deg]",
     )
     shared_sigma_deg: float = Field(
-        0.5, ge=0.0, description="rotation between position and odometry where both share a frame [deg, each axis]"
+        0.5,
+        ge=0.0,
+        description="rotation between position and odometry where both share a frame [deg, each axis]",
     )
     heading_known_deg: float = Field(
         5.0, gt=0.0, le=15.0,
         description="standard deviation of the estimated heading between two frames at which the full test begins "
         "[deg]; a straight line is a good model of the circle up to here",
+    )  # fmt: skip
+    prior_scale: float = Field(
+        3.0,
+        gt=0.0,
+        description="noise expected before any was seen, in units of the declared or unknown sigma [1]",
+    )
+    learning_claims: int = Field(
+        20,
+        ge=5,
+        description="believed claims before slow lies are looked for, and CONSISTENT is said [count]",
+    )
+    memory_claims: int = Field(
+        600, ge=50, description="believed claims that the noise is learned from [count]; a minute at 10 Hz"
+    )
+    waiting_claims: int = Field(
+        50, ge=0,
+        description="claims that must be believed after one before it counts as noise [count]: a slow lie is tested "
+        "against the noise from before it",
     )  # fmt: skip

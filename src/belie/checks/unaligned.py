@@ -41,8 +41,7 @@ class Unaligned:
     Examples
     --------
     >>> settings = PositionSettings(unknown_sigma_m=0.01)
-    >>> from belie.checks.noise_scale import NoiseScaleSettings
-    >>> noise = PositionNoise(settings, NoiseScaleSettings(), declared=False)
+    >>> noise = PositionNoise(settings, declared=False)
     >>> unaligned = Unaligned(settings, SequentialSettings(), tests=1)
     >>> for i in range(30):
     ...     q = np.array([0.5 * i, 0.0, 0.0])
@@ -85,7 +84,9 @@ class Unaligned:
         contradicted = self._last_over_ns is not None and (
             stamp_ns - self._last_over_ns < release_ns or worst > threshold
         )
-        if not contradicted:
+        if contradicted:
+            noise.reject()
+        else:
             self._learn(stamp_ns, p_m, q_m, lengths, noise, unit_m)
         return Evidence(
             contradicted=contradicted, statistic=worst, threshold=threshold, unit="chi2", component=0,
