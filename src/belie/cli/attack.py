@@ -35,7 +35,9 @@ def attack(
     source: Source,
     specs: Annotated[
         list[str],
-        typer.Argument(metavar="SPEC...", help="Attacks, name:option=value,…; see below.", show_default=False),
+        typer.Argument(
+            metavar="SPEC...", help="Attacks, name:option=value,…; see below.", show_default=False
+        ),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="OUT.mcap", help="Where to write; labels go beside it.")
@@ -62,7 +64,7 @@ def attack(
       belie attack drive.mcap imu-bias:axis=yaw,rate=0.5,start=20s -o gyro.mcap
       belie attack kitti/00 --position poses position-ramp:rate=0.05,start=60 -o drag.mcap
       belie attack drive.mcap camera-freeze:start=50 odometry-freeze:start=50 -o both.mcap
-    """
+    """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.attacks import attack as attacked_by
     from belie.attacks import labels_path, write_labels
     from belie.cli.progress import frame_count, progress
@@ -102,7 +104,9 @@ def attack(
     start_ns = int(attacked.frame_stamps_ns()[0])
     for label in labels:
         onset_s = (label.onset_ns - start_ns) * 1e-9
-        print(f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s, frame {label.start_frame}")
+        print(
+            f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s, frame {label.start_frame}"
+        )
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 
 

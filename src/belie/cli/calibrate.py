@@ -1,4 +1,89 @@
-"""``belie calibrate``."""
+"""``belie calibrate``: noise settings from attack-free driving."""
 
-def calibrate() -> None:
-    """Later."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from belie.cli.options import (
+    CameraInfo,
+    ConfigFile,
+    FalseAlarms,
+    Image,
+    Imu,
+    Odometry,
+    Position,
+    Profile,
+    Rate,
+)
+
+_MOST_PASSES = 6  # of the whole, at most: the learning passes read two thirds
+
+
+def calibrate(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="SOURCE...", help="Recordings of attack-free driving.", show_default=False),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="belie.toml", help="Where to write the settings.")
+    ],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the settings file.")] = False,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    false_alarms_per_hour: FalseAlarms = None,
+    image: Image = None,
+    camera_info: CameraInfo = None,
+    odometry: Odometry = None,
+    position: Position = None,
+    imu: Imu = None,
+    rate: Rate = None,
+) -> None:
+    """Learn the noise of your streams from attack-free driving, and write it as settings.
+
+    The first two thirds of each recording teach; the last third is checked with the outcome, and must raise
+    no alert. Recordings that raise alerts as they are look attacked and are refused. The written file says
+    how much driving stands behind it, and which false-alarm rate so much driving can prove.
+
+    \b
+    Examples:
+      belie calibrate monday.mcap tuesday.mcap -o belie.toml
+      belie calibrate drive.mcap --false-alarms-per-hour 0.01 -o belie.toml
+      belie calibrate drive.mcap --profile paper -o paper.toml    the paper's T1 to T3 instead
+      belie check other.mcap --config belie.toml
+    """  # noqa: D301 (\b keeps the lines of the examples)
+    from belie.cli.progress import frame_count, progress
+    from belie.cli.settings import config_from_flags
+    from belie.evaluation.calibrate import calibrate as learn_from
+    from belie.evaluation.config_toml import to_toml
+    from belie.recordings import open_recording
+    from belie.types import ConfigError
+
+    if output.exists() and not force:
+        raise ConfigError(f"{output} exists already; --force overwrites it")
+    settings = config_from_flags(config, profile, false_alarms_per_hour)
+    recordings = [
+        open_recording(
+            source,
+            image=image,
+            camera_info=camera_info,
+            odometry=odometry,
+            position=position,
+            imu=imu,
+            rate_hz=rate,
+        )
+        for source in sources
+    ]
+    frames = sum(frame_count(recording) for recording in recordings)
+    with progress("calibrating", frames * _MOST_PASSES) as advance:
+        found = learn_from(recordings, settings, on_frame=advance)
+    words = found.words()
+    header = "\n".join(
+        ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]
+    )
+    output.write_text(to_toml(found.config, notes=found.notes, header=header), encoding="utf-8")
+    for line in words:
+        print(line)
+    print(f"wrote {output}; now: belie check SOURCE --config {output}")

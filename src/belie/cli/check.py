@@ -52,7 +52,9 @@ def check(
     labels: Annotated[
         Path | None,
         typer.Option(
-            "--labels", metavar="FILE", help="Score against the labels of 'belie attack': hits, misses, delays."
+            "--labels",
+            metavar="FILE",
+            help="Score against the labels of 'belie attack': hits, misses, delays.",
         ),
     ] = None,
     false_alarms_per_hour: FalseAlarms = None,
@@ -79,7 +81,7 @@ def check(
 
     \b
     Exit codes: 0 no alert, 1 alert raised, 2 usage or data error.
-    """
+    """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.attacks import read_labels
     from belie.cli.check_table import print_summary
     from belie.cli.progress import frame_count, progress
@@ -104,9 +106,7 @@ def check(
         write = _json_writer(json, stack)
         bar_spoils_output = json == STDOUT and sys.stdout.isatty()
         text = f"checking {source.name}"
-        advance = stack.enter_context(
-            progress(text, frame_count(recording), enabled=not bar_spoils_output)
-        )
+        advance = stack.enter_context(progress(text, frame_count(recording), enabled=not bar_spoils_output))
 
         def on_verdict(verdict: Verdict) -> None:
             write(verdict)
@@ -129,7 +129,7 @@ def _json_writer(json: Path | None, stack: ExitStack) -> Callable[[Verdict], Non
     out = sys.stdout if json == STDOUT else stack.enter_context(json.open("w", encoding="utf-8"))
 
     def write(verdict: Verdict) -> None:
-        out.write(json_line(verdict))
+        out.write(json_line(verdict) + "\n")
         out.flush()  # whoever listens is told now, not when a buffer is full
 
     return write

@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from belie.attacks import AttackLabel
-    from belie.evaluation.run import Run, TracedAlert
+    from belie.evaluation.run import Run
     from belie.evaluation.score import Score
+    from belie.evaluation.traced_alert import TracedAlert
 
 _MOST_REASONS = 5
 
 
 def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_stderr: bool = False) -> None:
-    """Frames, span, alerts, undecided frames with their reasons, latency; and the score, where there are labels."""
+    """Frames, span, alerts, undecided frames with reasons, latency; and the score, where there are labels."""
     stream = sys.stderr if to_stderr else sys.stdout
     console = Console(file=stream, width=None if stream.isatty() else 120, highlight=False)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
@@ -102,7 +103,9 @@ def _print_score(console: Console, result: Score) -> None:
     if result.labels:
         console.print(table)
     bound = result.false_alerts_per_hour_upper
-    known = "" if bound is None else f" in {result.honest_s:.1f} s without attack (at most {bound:.0f}/h, 95 %)"
+    known = (
+        "" if bound is None else f" in {result.honest_s:.1f} s without attack (at most {bound:.0f}/h, 95 %)"
+    )
     console.print(
         Text(
             f"hits {result.hits} of {len(result.labels)}; false alerts {len(result.false_alerts)}{known}; "

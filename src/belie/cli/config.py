@@ -20,7 +20,7 @@ def config(
       belie config --profile paper
       belie config --config belie.toml            your settings, completed and explained
       belie check drive.mcap --config belie.toml
-    """
+    """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.cli.settings import config_from_flags
     from belie.evaluation.config_toml import to_toml
 

@@ -1,4 +1,4 @@
-"""From exceptions to one line on stderr and an exit code: 0 no alert, 1 alert raised, 2 usage or data error."""
+"""From exceptions to one line on stderr and an exit code: 0 no alert, 1 alert, 2 usage or data error."""
 
 from __future__ import annotations
 
@@ -70,10 +70,12 @@ def _text_of(error: BaseException) -> str:
 
     if isinstance(error, BelieError):
         return str(error)
-    if hasattr(error, "errors") and isinstance(error, ValueError):  # pydantic: the first error says enough
-        first = error.errors()[0]
-        return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
     if isinstance(error, ValueError):
+        from pydantic import ValidationError
+
+        if isinstance(error, ValidationError):  # the first of its errors says enough
+            first = error.errors()[0]
+            return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
         return str(error)
     if isinstance(error, OSError):
         return f"{error.filename or 'input or output'}: {error.strerror or error}"

@@ -19,7 +19,8 @@ _SCANNED_FRAMES = 200
 def info(
     source: Source,
     whole: Annotated[
-        bool, typer.Option("--all", help=f"Join all frames for the warnings, not the first {_SCANNED_FRAMES}.")
+        bool,
+        typer.Option("--all", help=f"Join all frames for the warnings, not the first {_SCANNED_FRAMES}."),
     ] = False,
     image: Image = None,
     camera_info: CameraInfo = None,
@@ -28,7 +29,7 @@ def info(
     imu: Imu = None,
     rate: Rate = None,
 ) -> None:
-    """Show the streams of a recording: types, rates, spans, gaps; the camera; and what 'belie check' would use.
+    """Show a recording's streams (types, rates, spans, gaps), its camera, and what 'belie check' would use.
 
     A bag that cannot be checked as it stands is listed all the same, with what is missing on the last line.
 
@@ -37,7 +38,7 @@ def info(
       belie info drive.mcap
       belie info bag/ --image /front/image_raw    try a choice of topics before a long check
       belie info kitti/00 --all                   read it all: late, missing and out-of-order messages
-    """
+    """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.cli import info_table
     from belie.recordings import open_recording
     from belie.types import RecordingError

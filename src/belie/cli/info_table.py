@@ -48,7 +48,7 @@ def print_streams(streams: Sequence[StreamInfo]) -> None:
     table.add_column("part")
     table.add_column("type", overflow="fold")
     for column in ("messages", "rate [Hz]", "from [s]", "to [s]", "longest gap [s]"):
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(Text(column), justify="right", no_wrap=True)  # as text: [s] is no markup
     for stream in streams:
         table.add_row(*_stream_row(stream, start_ns))
     _console().print(table)

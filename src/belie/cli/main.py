@@ -30,14 +30,16 @@ def _print_version(wanted: bool) -> None:
 def belie(
     _version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version, and exit."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version, and exit."
+        ),
     ] = False,
 ) -> None:
     """Check what a robot claims of itself against what its camera sees.
 
-    Odometry, IMU, GNSS and localisation say how a robot moved. The images of its camera say it too, and are hard to
-    forge consistently. belie compares them frame by frame, names the stream that lies, and says what it could not
-    decide.
+    Odometry, IMU, GNSS and localisation say how a robot moved. The images of its camera say it too, and are
+    hard to forge consistently. belie compares them frame by frame, names the stream that lies, and says what
+    it could not decide.
 
     \b
     First steps:
@@ -48,11 +50,13 @@ def belie(
 
     \b
     Exit codes: 0 no alert, 1 alert raised, 2 usage or data error.
-    """
+    """  # noqa: D301 (\b keeps the lines of the examples)
 
 
-app.command("info")(info.info)
-app.command("check")(check.check)
-app.command("attack", cls=attack.AttackCommand)(attack.attack)
-app.command("config")(config.config)
-app.command("calibrate")(calibrate.calibrate)
+app.command("info", short_help="What is in a recording, and what would be checked.")(info.info)
+app.command("check", short_help="Check a recording against its own camera.")(check.check)
+app.command("attack", cls=attack.AttackCommand, short_help="Write an attacked copy, with labels.")(
+    attack.attack
+)
+app.command("config", short_help="Every setting, explained, as TOML.")(config.config)
+app.command("calibrate", short_help="Learn noise settings from attack-free driving.")(calibrate.calibrate)

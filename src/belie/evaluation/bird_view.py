@@ -76,7 +76,7 @@ def _ground(position_m: FloatArray, optical: bool) -> FloatArray:
 def _placed(
     points: FloatArray, position: PositionTrace, run: Run, seen: FloatArray, in_alert: npt.NDArray[np.bool_]
 ) -> FloatArray | None:
-    """Positions turned and shifted onto what the camera saw outside of alerts; None where that is too little."""
+    """Positions turned and shifted onto what the camera saw outside of alerts; None if that is too little."""
     trace = run.trace
     honest = np.isfinite(seen).all(axis=1) & ~in_alert
     if honest.sum() < 2:

@@ -1,8 +1,8 @@
 """Where the corners of an image would have to be if the claim was true: equation (5) at the claimed pose.
 
-The corners are followed back to an earlier frame, triangulated with the motion that the images show, and projected
-where the claimed motion since that frame would put them. What the claim adds to the motion is then to be seen, corner
-by corner: nothing is compared after an optimiser has had its say.
+The corners are followed back to an earlier frame, triangulated with the motion that the images show, and
+projected where the claimed motion since that frame would put them. What the claim adds to the motion is then
+to be seen, corner by corner: nothing is compared after an optimiser has had its say.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from belie.types import Frame
 _LEAST_PARALLAX_RAD = 0.003
 _REPROJECTION_PX = 3.0
 _FAR_M = 1e4  # a corner without parallax: only the turn of the camera moves it
-_WINDOW = {"winSize": (15, 15), "maxLevel": 4}
+_WINDOW_PX = (15, 15)
+_LEVELS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +89,9 @@ def _follow_back(frames: Sequence[Frame], observed_px: FloatArray) -> tuple[Floa
     px = np.asarray(observed_px, dtype=np.float32).reshape(-1, 1, 2)
     found = np.ones(len(px), dtype=bool)
     for later, earlier in zip(reversed(frames[1:]), reversed(frames[:-1]), strict=True):
-        px, status, _ = cv2.calcOpticalFlowPyrLK(later.image, earlier.image, px, None, **_WINDOW)
+        px, status, _ = cv2.calcOpticalFlowPyrLK(
+            later.image, earlier.image, px, None, winSize=_WINDOW_PX, maxLevel=_LEVELS
+        )
         found &= np.asarray(status).reshape(-1) == 1
     return np.asarray(px, dtype=np.float64).reshape(-1, 2), found
 
@@ -101,7 +104,9 @@ def _triangulate(camera: CameraModel, earlier: FloatArray, now: FloatArray, T_fi
     rays = np.stack([rays_earlier, rays_now], axis=1).reshape(-1, 3)
     gate = np.full(len(rays), _REPROJECTION_PX / camera.fx)
     starts = np.arange(0, 2 * len(now) + 1, 2, dtype=np.int64)
-    points, accepted = triangulate_rays(centres, np.ascontiguousarray(rays), starts, _LEAST_PARALLAX_RAD, gate)
+    points, accepted = triangulate_rays(
+        centres, np.ascontiguousarray(rays), starts, _LEAST_PARALLAX_RAD, gate
+    )
     return np.where(accepted[:, None], points, _FAR_M * rays_now)
 
 

@@ -16,8 +16,17 @@ from belie.evaluation.trace import NOT_RUN, STATUSES, CheckTrace
 from belie.geometry import FloatArray
 from belie.types import Status
 
-CLAIMED, SEEN, ALERT, POSITION, LABEL, QUIET = "#c26a00", "#1b6ca8", "#c8102e", "#6a4c93", "#555555", "#9aa0a6"
+CLAIMED, SEEN, ALERT, POSITION, LABEL, QUIET = (
+    "#c26a00",
+    "#1b6ca8",
+    "#c8102e",
+    "#6a4c93",
+    "#555555",
+    "#9aa0a6",
+)
 _MOST_POINTS = 1500
+_MOST_POSITIONS = 60
+_ZOOM_NS = 1_500_000_000
 _STYLE = {
     "svg.fonttype": "none",
     "font.size": 9.0,
@@ -52,7 +61,7 @@ def evidence_figure(run: Run, labels: Sequence[AttackLabel] = ()) -> str:
 
 def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[AttackLabel]) -> None:
     lowest = 0.02
-    seconds, ratio = _thinned(run.trace.seconds, np.clip(check.ratio, lowest, None))
+    seconds, ratio = _thinned(run.trace.seconds, np.clip(check.ratio, 1.15 * lowest, None))
     top = max(3.0, 2.0 * float(np.nanmax(ratio)))
     axes.set_yscale("log")
     axes.set_ylim(lowest, top)
@@ -99,24 +108,55 @@ def trajectory_figure(run: Run) -> str:
     if view is None:
         return ""
 
-    def draw(figure: Any) -> None:
-        above, apart = figure.subplots(1, 2, width_ratios=[1.0, 1.0])
-        _draw_above(above, view)
-        _draw_apart(apart, run, view)
+    window = zoom_window(run)
 
-    return _svg(draw, (9.0, 4.2), "trajectory")
+    def draw(figure: Any) -> None:
+        panels = figure.subplots(1, 2 if window is None else 3)
+        _draw_above(panels[0], view)
+        if window is not None:
+            _draw_zoomed(panels[1], view, window)
+        _draw_apart(panels[-1], run, view)
+
+    return _svg(draw, (9.0, 4.2 if window is None else 3.7), "trajectory")
+
+
+def zoom_window(run: Run) -> slice | None:
+    """The frames around the first alert, where they are so few that the whole does not show them."""
+    if not run.alerts:
+        return None
+    first = run.alerts[0]
+    start_ns = min(first.raised.alert.onset_ns, first.raised.stamp_ns) - _ZOOM_NS
+    end_ns = min(first.end_ns, first.raised.stamp_ns + _ZOOM_NS) + _ZOOM_NS
+    start, stop = np.searchsorted(run.trace.stamps_ns, [start_ns, end_ns])
+    return slice(int(start), int(stop)) if 2 <= stop - start <= 0.5 * len(run.trace) else None
+
+
+def _draw_zoomed(axes: Any, view: BirdView, window: slice) -> None:
+    claimed, seen, hot = view.claimed[window], view.seen[window], view.in_alert[window]
+    known = np.isfinite(claimed).all(axis=1) & np.isfinite(seen).all(axis=1)
+    if known.any():
+        first = int(np.argmax(known))
+        seen = seen - seen[first] + claimed[first]
+    axes.plot(*seen.T, color=SEEN, linewidth=2.0, marker=".", markersize=4)
+    axes.plot(*claimed.T, color=CLAIMED, linewidth=1.2, marker=".", markersize=4)
+    axes.plot(*claimed[hot].T, color=ALERT, linestyle="", marker="o", markersize=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"{view.across_name} [m]")
+    axes.set_title("around the first alert", loc="left", fontsize=9.5)
 
 
 def _draw_above(axes: Any, view: BirdView) -> None:
     stride = max(1, len(view.claimed) // _MOST_POINTS)
-    for source, points in view.positions:
-        step = max(1, len(points) // _MOST_POINTS)
-        axes.plot(*points[::step].T, ".", color=POSITION, markersize=3, label=f"position {source}")
     axes.plot(*view.seen[::stride].T, color=SEEN, linewidth=2.4, label="seen by the camera")
     axes.plot(*view.claimed[::stride].T, color=CLAIMED, linewidth=1.2, label="claimed by the odometry")
     if view.in_alert.any():
         hot = np.where(view.in_alert[:, None], view.claimed, np.nan)
         axes.plot(*hot.T, color=ALERT, linewidth=2.6, label="claimed during an alert", solid_capstyle="round")
+    for source, points in view.positions:
+        step = max(1, len(points) // _MOST_POSITIONS)
+        style = {"marker": "o", "markersize": 3.2, "markerfacecolor": "white", "markeredgewidth": 0.8}
+        label = f"position claimed by {source}"
+        axes.plot(*points[::step].T, color=POSITION, linestyle="", label=label, **style)
     known = view.claimed[np.isfinite(view.claimed).all(axis=1)]
     axes.plot(*known[0], marker="o", color="#222222", markersize=4, linestyle="")
     axes.annotate("start", known[0], textcoords="offset points", xytext=(5, 4), fontsize=8, color="#444444")
@@ -152,13 +192,16 @@ def floor_figure(run: Run) -> str:
                     axes.plot(*line, linewidth=1.2, label=f"{check.check} {check.source}")
             axes.set_yscale("log")
             axes.set_xlim(*_span(run))
-            axes.set_title(f"smallest lie that would be caught [{unit}]", loc="left", fontsize=9.5)
+            axes.set_title(unit, loc="left", fontsize=9.5)
             axes.set_xlabel("time [s]")
-            axes.yaxis.set_major_formatter(_plain_numbers())
-            axes.yaxis.set_minor_formatter(_plain_numbers(sparse=True))
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axes.minorticks_off()
             axes.legend(fontsize=8)
 
-    return _svg(draw, (9.0, 2.7), "floor")
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    return _svg(draw, (9.0, 2.5), "floor")
 
 
 def latency_figure(run: Run) -> str:
@@ -167,21 +210,15 @@ def latency_figure(run: Run) -> str:
     def draw(figure: Any) -> None:
         axes = figure.subplots()
         axes.plot(*_thinned(run.trace.seconds, run.trace.latency_ms), color=SEEN, linewidth=0.9)
-        axes.axhline(float(np.percentile(run.trace.latency_ms, 95)), color=QUIET, linestyle=":", linewidth=1.2)
+        axes.axhline(
+            float(np.percentile(run.trace.latency_ms, 95)), color=QUIET, linestyle=":", linewidth=1.2
+        )
         axes.set_xlim(*_span(run))
         axes.set_ylim(0.0, 1.3 * float(np.percentile(run.trace.latency_ms, 99)))
         axes.set_xlabel("time since the first frame [s]")
         axes.set_ylabel("update [ms]")
 
     return _svg(draw, (9.0, 1.9), "latency")
-
-
-def _plain_numbers(*, sparse: bool = False) -> Any:
-    from matplotlib.ticker import FuncFormatter, LogFormatter
-
-    if not sparse:
-        return FuncFormatter(lambda value, _: f"{value:g}")
-    return LogFormatter(labelOnlyBase=False, minor_thresholds=(1.0, 0.4))
 
 
 def _span(run: Run) -> tuple[float, float]:

@@ -14,9 +14,9 @@ def json_line(verdict: Verdict) -> str:
 
     >>> from belie.types import Status
     >>> json_line(Verdict(frame=1, stamp_ns=2, status=Status.CONSISTENT, latency_ms=3.0))
-    '{"frame": 1, "stamp_ns": 2, "status": "consistent", "latency_ms": 3.0, "checks": [], "alerts": []}\\n'
+    '{"frame": 1, "stamp_ns": 2, "status": "consistent", "latency_ms": 3.0, "checks": [], "alerts": []}'
     """
-    return json.dumps(_finite(verdict.to_json()), ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(_finite(verdict.to_json()), ensure_ascii=False, allow_nan=False)
 
 
 def _finite(value: Any) -> Any:

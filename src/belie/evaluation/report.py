@@ -79,6 +79,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "score": None if truth is None else _score_rows(run, run.score(truth)),
         "evidence": figures.evidence_figure(run, truth or ()),
         "trajectory": figures.trajectory_figure(run),
+        "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
@@ -108,7 +109,9 @@ def _score_rows(run: Run, result: Score) -> dict[str, Any]:
                 "sources": ", ".join(scored.label.sources),
                 "span": f"{start_s:.2f} to {end_s:.2f} s",
                 "hit": hit,
-                "delay": f"{scored.delay_frames} frames, {(scored.delay_ms or 0.0) / 1e3:.2f} s" if hit else "",
+                "delay": f"{scored.delay_frames} frames, {(scored.delay_ms or 0.0) / 1e3:.2f} s"
+                if hit
+                else "",
             }
         )
     return {"rows": rows, "result": result}

@@ -7,16 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from belie.evaluation.run import Run, TracedAlert
+from belie.evaluation.run import Run
 from belie.evaluation.snapshots import Snapshot
+from belie.evaluation.traced_alert import TracedAlert
 from belie.types import AlertType, Status
 
 _ACCUSATIONS = {
-    AlertType.ODOMETRY_SPOOFING: "{source} claims a motion that the camera did not see",
-    AlertType.POSITION_SPOOFING: "{source} claims positions that do not fit the motion that the camera saw",
+    AlertType.ODOMETRY_SPOOFING: "the stream {source} claims a motion that the camera did not see",
+    AlertType.POSITION_SPOOFING: "the stream {source} claims positions that do not fit the motion seen",
     AlertType.CAMERA_FAULT: "the camera {source} does not show the world as it is",
     AlertType.OBSTACLE_HIDING: "an object that is still in the image of {source} is no longer reported",
-    AlertType.OBJECT_MISCLASSIFICATION: "an object that has not changed in the image of {source} is reported as another",
+    AlertType.OBJECT_MISCLASSIFICATION: "an object in the image of {source} is reported as what it is not",
     AlertType.OBSTACLE_INJECTION: "an object is reported by {source} that the image does not show",
 }
 _TYPE_NAMES = {
@@ -55,7 +56,7 @@ def headline(run: Run) -> str:
         said = accusation(first.raised.alert.type, first.raised.alert.source)
         others = len(run.alerts) - 1
         more = "" if not others else f", and {others} more alert{'s' if others > 1 else ''}"
-        return f"{said[0].upper()}{said[1:]}, from about {start_s:.1f} s on{more}."
+        return f"{said[0].upper()}{said[1:]}: from about {start_s:.1f} s on{more}."
     undecided = run.trace.share(Status.UNDECIDED)
     if undecided > 0.9:
         return "No claim was contradicted, but almost nothing could be judged."
@@ -114,8 +115,8 @@ def snapshot_words(run: Run, snapshot: Snapshot) -> str:
         return f"Filled: where corners of the scene are. Hollow: where {basis}. {apart}"
     since_s = (snapshot.stamp_ns - snapshot.since_ns) * 1e-9
     words = (
-        f"Filled: where corners of the scene are. Hollow: where they would have to be if the odometry's claim of the "
-        f"last {since_s:.1f} s was true. {apart}"
+        "Filled: where corners of the scene are. Hollow: where they would have to be if the odometry's claim "
+        f"of the last {since_s:.1f} s was true. {apart}"
     )
     if snapshot.displacement_px < 2.0:
         if snapshot.alert is not None and snapshot.alert.type is AlertType.POSITION_SPOOFING:

@@ -10,19 +10,23 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from belie.attacks import AttackLabel
 from belie.evaluation.expected_corners import View
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
 from belie.evaluation.trace import STATUSES, Trace, TraceRecorder
+from belie.evaluation.traced_alert import AlertRecorder, TracedAlert
 from belie.geometry import SE3
+from belie.recordings import BodyAxes
 from belie.types import (
     Claim,
     Frame,
     MountedCamera,
     RecordingError,
     Settings,
-    Status,
     Step,
     Verdict,
     VisualEstimate,
@@ -55,44 +59,38 @@ class FrameChecker(Protocol):
 class Checked(Protocol):
     """What a run asks of a recording: `belie.recordings.Recording`, plain or attacked."""
 
-    path: Path
-    format: str
-    body_axes: Any
-    join_counts: Any
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+        ...
+
+    @property
+    def format(self) -> str:
+        """What it is."""
+        ...
+
+    @property
+    def body_axes(self) -> BodyAxes:
+        """How the body frame lies in the vehicle."""
+        ...
+
+    @property
+    def join_counts(self) -> Any:
+        """What the joining of the streams met."""
+        ...
 
     @property
     def cameras(self) -> Mapping[str, MountedCamera]:
         """The cameras by name."""
         ...
 
+    def frame_stamps_ns(self) -> npt.NDArray[np.int64]:
+        """Stamps of all frames, shape (N,)."""
+        ...
+
     def steps(self) -> Iterator[Step]:
         """Frames with their claims."""
         ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TracedAlert:
-    """An alert, the frame in which it was raised, and how long what raised it stayed contradicted.
-
-    Parameters
-    ----------
-    raised : RaisedAlert
-        The alert.
-    check, reason : str
-        The check behind it, and what that said.
-    end_ns : int
-        Stamp of the last frame in a row that contradicts the same stream.
-    """
-
-    raised: RaisedAlert
-    check: str
-    reason: str
-    end_ns: int
-
-    @property
-    def delay_ns(self) -> int:
-        """From the estimated onset to the frame that raised the alert."""
-        return max(0, self.raised.stamp_ns - self.raised.alert.onset_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,6 +193,7 @@ def run_detector(
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
+    >>> from belie.types import Status
     >>> def steps():
     ...     image = np.zeros((48, 64), np.uint8)
     ...     yield from (Step(frame=Frame(camera="/image", stamp_ns=t, received_ns=t, image=image))
@@ -210,7 +209,7 @@ def run_detector(
     """
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
-    alerts = _AlertRecorder()
+    alerts = AlertRecorder()
     claims_predict = getattr(config, "profile", "default") == "paper"
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
@@ -243,8 +242,10 @@ def run_detector(
 
 
 def _detector(cameras: Mapping[str, MountedCamera], config: Settings) -> FrameChecker:
-    from belie.detector import Detector
+    from belie.detector import Config, Detector
 
+    if not isinstance(config, Config):
+        raise ValueError(f"the settings must be a Config, got {type(config).__name__}")
     return Detector(cameras, config)
 
 
@@ -257,36 +258,3 @@ def _counts(join_counts: Any) -> dict[str, dict[str, int]]:
     names = getattr(type(join_counts), "__slots__", ())
     found = {name: {k: v for k, v in getattr(join_counts, name).items() if v} for name in names}
     return {name: streams for name, streams in found.items() if streams}
-
-
-class _AlertRecorder:
-    """Follows each alert for as long as its stream stays contradicted."""
-
-    def __init__(self) -> None:
-        self._ended: list[TracedAlert] = []
-        self._open: dict[int, tuple[RaisedAlert, str, str, int]] = {}
-        self._number = 0
-
-    def add(self, verdict: Verdict) -> None:
-        contradicted = {r.source: r for r in verdict.checks if r.status is Status.CONTRADICTED}
-        undecided = {r.source for r in verdict.checks if r.status is Status.UNDECIDED}
-        for number, (raised, check, reason, _) in list(self._open.items()):
-            if raised.alert.source in contradicted:
-                self._open[number] = (raised, check, reason, verdict.stamp_ns)
-            elif raised.alert.source not in undecided:  # what cannot be tested is not acquitted
-                self._end(number)
-        for alert in verdict.alerts:
-            raised = RaisedAlert(frame=verdict.frame, stamp_ns=verdict.stamp_ns, alert=alert)
-            result = contradicted.get(alert.source)
-            check, reason = ("", "") if result is None else (result.check, result.reason)
-            self._open[self._number] = (raised, check, reason, verdict.stamp_ns)
-            self._number += 1
-
-    def _end(self, number: int) -> None:
-        raised, check, reason, end_ns = self._open.pop(number)
-        self._ended.append(TracedAlert(raised=raised, check=check, reason=reason, end_ns=end_ns))
-
-    def finish(self) -> tuple[TracedAlert, ...]:
-        for number in list(self._open):
-            self._end(number)
-        return tuple(sorted(self._ended, key=lambda traced: traced.raised.stamp_ns))

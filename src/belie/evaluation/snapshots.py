@@ -1,4 +1,4 @@
-"""The pictures of a run: the frames at the alerts, with the corners that prove the point. All others are let go."""
+"""The pictures of a run: the frames at the alerts, with the corners that prove it. All others are let go."""
 
 from __future__ import annotations
 
