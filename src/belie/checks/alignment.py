@@ -1,16 +1,19 @@
-"""How a position stream lies to the odometry: rotation, scale, offset, antenna and delay, each with its drift.
+"""How positions are related to the odometry: rotation, scale, offset, antenna, delay, and their drift.
 
     p = m + o + R_map_odom R_odom_body l + v d + c + noise,    m <- m + R_map_odom Δq (1 + e)
 
-m is the dead-reckoned position, Δq the odometry's displacement since the last claim, o the error of m, e that of
-the scale, l the lever arm's, d the delay at velocity v, c the slow noise of the position (Gauss-Markov). The rotation
-error α turns what is travelled *from now on*, so the pivot is always here and a distant origin does no harm.
-An error-state Kalman filter (Sola, "Quaternion kinematics for the error-state Kalman filter", 2017) carries it.
+m is the dead-reckoned position, Δq the odometry's displacement since the last claim, o the error of m, e
+that of the scale, l the lever arm's, d the delay at velocity v, c the slow noise of the position
+(Gauss-Markov). The rotation error α turns what is travelled *from now on*, so the pivot is always here and a
+distant origin does no harm. An error-state Kalman filter (Sola, "Quaternion kinematics for the error-state
+Kalman filter", 2017) carries it.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +26,20 @@ LEVER, DELAY = slice(10, 13), 13
 _PARAMETERS = 14
 _UNBOUNDED = 1e6
 _BLIND_HEADING_DEG = 5.0
+_MEMORY_INTERVAL_S = 0.5
+_MEMORIES = 120
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Memory:
+    """The filter after some believed claim."""
+
+    stamp_ns: int
+    R_map_odom: FloatArray
+    T_odom_body: SE3
+    position_m: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
 
 
 class Alignment:
@@ -77,6 +94,7 @@ class Alignment:
             offset_sigma_m,
         )
         sigma[LEVER], sigma[DELAY] = lever_sigma_m, settings.clock_sigma_s
+        self._memories: deque[_Memory] = deque(maxlen=_MEMORIES)
         self.errors.covariance = np.diag(sigma**2)
 
     @property
@@ -94,7 +112,7 @@ class Alignment:
         return np.asarray(position_m - self.position_m)
 
     def advance(self, T_odom_body: SE3, interval_s: float, walk_m: FloatArray) -> None:
-        """Go on to `T_odom_body`, `interval_s` later; `walk_m` is the slow noise, m per sqrt(s), shape (3,)."""
+        """Go on to `T_odom_body`, `interval_s` later; `walk_m`, shape (3,): slow noise, m per sqrt(s)."""
         s = self._settings
         v = self._R_map_odom @ (T_odom_body.t - self._T_odom_body.t)
         distance_m = float(np.linalg.norm(v))
@@ -133,10 +151,34 @@ class Alignment:
         self._R_map_odom = so3_exp(self.errors.mean[ROTATION]) @ self._R_map_odom
         self.errors.mean[ROTATION] = 0.0
 
-    def absorbed(self, noise: FloatArray) -> FloatArray:
-        """Share of an innovation that the filter takes in at once (its gain, 0 to 1) along each axis, shape (3,).
+    def remember(self, stamp_ns: int) -> None:
+        """Keep the filter as it is now, every half second, for `take_back`."""
+        if self._memories and stamp_ns - self._memories[-1].stamp_ns < _MEMORY_INTERVAL_S * 1e9:
+            return
+        self._memories.append(
+            _Memory(
+                stamp_ns=stamp_ns, R_map_odom=self._R_map_odom, T_odom_body=self._T_odom_body,
+                position_m=self.position_m, mean=self.errors.mean.copy(), covariance=self.errors.covariance.copy(),
+            )
+        )  # fmt: skip
 
-        `noise` is the covariance of the last claim's own noise, shape (3, 3). After the update, ``H P H' = K R``.
+    def take_back(self, onset_ns: int, stamp_ns: int, walk_m: FloatArray) -> None:
+        """Unlearn what was believed since `onset_ns`, and go on from there to now by odometry alone."""
+        while len(self._memories) > 1 and self._memories[-1].stamp_ns > onset_ns:
+            self._memories.pop()
+        if not self._memories:
+            return
+        then, T_odom_body, velocity_m_s = self._memories[-1], self._T_odom_body, self._velocity_m_s
+        self._R_map_odom, self._T_odom_body = then.R_map_odom, then.T_odom_body
+        self.position_m = then.position_m
+        self.errors.mean, self.errors.covariance = then.mean.copy(), then.covariance.copy()
+        self.advance(T_odom_body, max((stamp_ns - then.stamp_ns) * 1e-9, 1e-3), walk_m)
+        self._velocity_m_s = velocity_m_s
+
+    def absorbed(self, noise: FloatArray) -> FloatArray:
+        """Share of an innovation that the filter takes in at once (its gain, 0 to 1), along each axis, (3,).
+
+        `noise` is the covariance R of the last claim, shape (3, 3). After the update, ``H P H' = K R``.
         """
         H = self.jacobian()
         taken = np.diag(H @ self.errors.covariance @ H.T) / np.diag(noise)

@@ -25,13 +25,24 @@ class NoiseScaleSettings(Settings):
     """How quickly, and how far, the noise model adapts to what is seen."""
 
     memory_frames: int = Field(
-        40, ge=10,
+        60, ge=10,
         description="believed frames that the scale is learned from [count]; its relative error is about "
         "0.8/sqrt(memory)",
     )  # fmt: skip
+    recent_frames: int = Field(
+        20, ge=5,
+        description="believed frames that suffice to see that the noise has fallen again, after a start-up, a turn "
+        "or a lie [count]",
+    )  # fmt: skip
+    recent_caution: float = Field(
+        1.25, ge=1.0,
+        description="factor on the scale of so few frames [1]: one and a half standard errors of it",
+    )  # fmt: skip
     prior_frames: int = Field(
-        15, ge=1, description="frames of evidence that the prior scale is worth [count]: caution at the start"
-    )
+        10, ge=1,
+        description="frames of evidence that the prior scale is worth [count]: caution, not only at the start; it "
+        "lets the scale rise at once when residuals grow for another reason than a lie",
+    )  # fmt: skip
     prior_scale: float = Field(
         3.0, gt=0.0, description="noise expected before any was seen, in units of the noise model [1]"
     )
@@ -40,9 +51,14 @@ class NoiseScaleSettings(Settings):
         description="believed frames before slow lies are looked for, and CONSISTENT is said [count]; the scale of 20 "
         "is known to 18 %",
     )  # fmt: skip
-    most_offset: float = Field(
+    learning_s: float = Field(
         2.0, ge=0.0,
-        description="how much of a steady residual may be taken for a systematic error [units of the noise model]; "
+        description="the same in time [s]: at a high frame rate many frames show the same scene, and so the same "
+        "systematic errors",
+    )  # fmt: skip
+    most_offset: float = Field(
+        1.0, ge=0.0,
+        description="how much of a steady residual may be taken for a systematic error [units of the noise seen]; "
         "a gyroscope's bias, say",
     )  # fmt: skip
     least_scale: float = Field(
@@ -63,15 +79,15 @@ class NoiseScale:
     >>> rng = np.random.default_rng(0)
     >>> for _ in range(300): scale.learn(rng.normal(size=2) * (1.0, 2.0))
     >>> scale.value.round(1)
-    array([1.1, 2. ])
+    array([1. , 1.7])
     """
 
     def __init__(self, components: int, settings: NoiseScaleSettings) -> None:
         self._settings = settings
-        self._seen: deque[FloatArray] = deque(maxlen=settings.memory_frames)
         # what |x| of the prior noise looks like: evenly spaced quantiles
         p = (np.arange(settings.prior_frames) + 0.5) / settings.prior_frames
         self._prior = np.tile(settings.prior_scale * ndtri(0.5 + 0.5 * p)[:, None], (1, components))
+        self._seen: deque[FloatArray] = deque(maxlen=settings.memory_frames)
         self._correlation = np.zeros(components)
         self._offset = np.zeros(components)
         self._value = np.full(components, max(settings.prior_scale, settings.least_scale))
@@ -100,15 +116,21 @@ class NoiseScale:
         """Take in the normalised residual of a believed frame, shape (components,)."""
         self._seen.append(np.array(x))
         seen = np.array(self._seen)
-        limit = self._settings.most_offset
-        middle = np.median(np.concatenate([seen, np.zeros_like(self._prior)]), axis=0)
-        self._offset = np.clip(middle, -limit, limit)
+        limit = self._settings.most_offset * self._value
+        self._offset = np.clip(np.median(np.concatenate([seen, 0.0 * self._prior]), axis=0), -limit, limit)
         centred = seen - self._offset
-        one_sigma = np.quantile(np.concatenate([np.abs(centred), self._prior]), _ONE_SIGMA, axis=0)
+        one_sigma = self._one_sigma(centred)
+        if len(seen) > self._settings.recent_frames:
+            # The smaller one: what was noisy long ago is over, and what is noisy just now may be a lie.
+            recent = self._settings.recent_caution * self._one_sigma(centred[-self._settings.recent_frames :])
+            one_sigma = np.minimum(one_sigma, recent)
         self._value = np.maximum(one_sigma, self._settings.least_scale)
         # relative to the variance that the tests assume: a small correlated part of a large one does no harm
-        share = np.quantile(np.abs(centred), _ONE_SIGMA, axis=0) / self._value
+        share = self._one_sigma(centred) / self._value
         self._correlation = _sign_correlation(centred) * np.minimum(share, 1.0) ** 2
+
+    def _one_sigma(self, centred: FloatArray) -> FloatArray:
+        return np.asarray(np.quantile(np.concatenate([np.abs(centred), self._prior]), _ONE_SIGMA, axis=0))
 
 
 def _sign_correlation(x: FloatArray) -> FloatArray:

@@ -1,17 +1,20 @@
 """Position (GNSS or localisation) against the odometry that the camera vouches for.
 
-The position's innovation against dead reckoning is tested (`alignment` has the model, `ResidualTest` the tests): a
-jump shows at once, and a drag-off shows as a run of innovations of one sign, which is what a CUSUM adds up. For a
-known change of a linear Gaussian system the innovations hold all the evidence there is (Willsky and Jones, "A
-generalized likelihood ratio approach to the detection and estimation of jumps in linear systems", IEEE TAC 1976);
-the bank of shifts plays the part of several windows, and shares one false-alarm rate among them. Windows of
-plain displacement are used only while the rotation between the frames is unknown (`unaligned`).
+The position's innovation against dead reckoning is tested (`alignment` has the model, `innovation_test` the
+tests): a jump shows at once, and a drag-off shows as a run of innovations of one sign, which is what a CUSUM
+adds up. For a change of a linear Gaussian system the innovations hold all the evidence there is (Willsky and
+Jones, "A generalized likelihood ratio approach to the detection and estimation of jumps in linear systems",
+IEEE TAC 1976); the bank of shifts plays the part of several windows and shares one false-alarm rate among
+them. Windows of plain displacement are used only while the rotation between the frames is unknown
+(`unaligned`).
 
-A random-walk offset swallows slow drifts: a filter of gain k leaves ``s dt / k`` of a drift s in its innovations, so
-one that leaves too little, for good, is absorbed within about ``dt / k`` seconds. Both are stated: the smallest drift
-is the floor of every result, the time constant is `PositionCheck.absorption_s`. The gain is no larger than odometry
-drift and the noise of the stream (learned, `position_noise`) call for, and nothing is learned from a claim that is
-contradicted.
+A random-walk offset swallows slow drifts: a filter of gain k leaves ``s dt / k`` of a drift s in its
+innovations, so one that leaves too little, for good, is absorbed within about ``dt / k`` seconds. Both are
+stated: the smallest drift is the floor of every result, the time constant is `PositionCheck.absorption_s`. The
+gain is no larger than odometry drift and the noise of the stream (learned, `position_noise`) call for. Nothing
+is learned from a claim that is contradicted, and once a lie is found what was learned since its onset is
+taken back; from there on positions are compared with pure dead reckoning (`return_test`), and believed again
+where they agree with it.
 """
 
 from __future__ import annotations
@@ -21,10 +24,12 @@ import math
 import numpy as np
 
 from belie.checks.alignment import Alignment
+from belie.checks.heights import Heights
 from belie.checks.innovation_test import InnovationTest
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.position_noise import PositionNoise
 from belie.checks.position_settings import PositionSettings
+from belie.checks.return_test import Return
 from belie.checks.sequential import Evidence, SequentialSettings
 from belie.checks.unaligned import Unaligned
 from belie.geometry import SE3, FloatArray, so3_exp
@@ -39,7 +44,6 @@ _DIRECTIONS = np.array(
 )
 _NEVER_TOLD_M = 1e3
 _FLOOR_CLAIMS = (10, 30, 100)
-_PLANAR_AFTER_M = 5.0
 
 
 class PositionCheck:
@@ -89,15 +93,19 @@ class PositionCheck:
         self._alignment: Alignment | None = None
         self._test: InnovationTest | None = None
         self._declared = np.eye(3)
-        self._levels = _Levels()
+        self._heights = Heights()
         self._last: tuple[int, SE3, FloatArray] | None = None
         self._odometry_lost = False
+        self._return: Return | None = None
         self._interval_s = 0.1
         self.absorption_s: float | None = None
         self.evidence: Evidence | None = None
 
     def skip(self, reason: str, *, odometry_lost: bool = False) -> CheckResult:
-        """UNDECIDED for a frame without a claim; `odometry_lost`: nor is what was travelled meanwhile known."""
+        """UNDECIDED for a frame that cannot be tested.
+
+        `odometry_lost`: what was travelled meanwhile is not known either; the next claim is given leeway.
+        """
         self.evidence = None
         self._odometry_lost = self._odometry_lost or odometry_lost
         return self._answer(Status.UNDECIDED, reason)
@@ -111,7 +119,8 @@ class PositionCheck:
         T_odom_body : SE3
             The trusted trajectory at the claim's stamp; continuous from call to call unless `skip` was told.
         shares_axes : bool
-            Whether position and odometry name the same frame; else both have z up and an unknown yaw between them.
+            Whether position and odometry name the same frame; else both have z up and the yaw between
+            them is unknown.
         """
         self.evidence = None
         if self._last is not None and claim.stamp_ns <= self._last[0]:
@@ -125,7 +134,7 @@ class PositionCheck:
         if claim.lever_m is not None:
             T_odom_body = T_odom_body @ SE3.from_translation(claim.lever_m)
         p_m, q_m = claim.position_m, T_odom_body.t
-        self._levels.see(p_m, q_m)
+        self._heights.see(p_m, q_m)
         self._bridge_loss(claim.stamp_ns)
         if self._alignment is None and shares_axes:
             sigma = np.full(3, math.radians(self.settings.shared_sigma_deg))
@@ -155,13 +164,14 @@ class PositionCheck:
             R_map_odom = so3_exp(np.array([0.0, 0.0, heading.yaw_rad]))
             self._align(R_map_odom, np.array([tilt, tilt, heading.sigma_rad]), claim, T_odom_body)
         reason = (
-            f"the yaw between {self.source} and odometry is not observable yet: travelled {heading.extent_m:.1f} m, "
-            f"need about {heading.needed_m:.0f} m"
+            f"the yaw between {self.source} and odometry is not observable yet: "
+            f"travelled {heading.extent_m:.1f} m, need about {heading.needed_m:.0f} m"
         )
         return self._answer(Status.UNDECIDED, reason, floor)
 
     def _test_innovation(self, alignment: Alignment, claim: PositionClaim, T_odom_body: SE3) -> CheckResult:
-        assert self._noise is not None and self._test is not None
+        assert self._noise is not None
+        assert self._test is not None
         unit_m = self._unit_m()
         if self._last is not None:
             self._interval_s = (claim.stamp_ns - self._last[0]) * 1e-9
@@ -169,16 +179,26 @@ class PositionCheck:
         r, H = alignment.residual(claim.position_m), alignment.jacobian()
         noise = self._claim_noise(alignment, unit_m)
         innovation, S = alignment.errors.innovation(r, H, noise)
-        self.evidence = e = self._test.update(
-            _DIRECTIONS @ innovation, _DIRECTIONS @ S @ _DIRECTIONS.T, claim.stamp_ns, self._interval_s
-        )
+        if self._return is None:
+            self.evidence = e = self._test.update(
+                _DIRECTIONS @ innovation, _DIRECTIONS @ S @ _DIRECTIONS.T, claim.stamp_ns, self._interval_s
+            )
+        else:
+            self.evidence = e = self._return.update(innovation, S, noise, claim.stamp_ns)
+            if not e.contradicted:
+                self._return = None
+                self._test.restart()
         if e.contradicted:
             self._noise.reject()
+            if self._return is None:
+                self._return = Return(e, self._sequential.release_s)
+                alignment.take_back(e.onset_ns, claim.stamp_ns, self._noise.walk_m(unit_m))
         else:
             self._noise.learn(claim.stamp_ns, r, unit_m)
             alignment.errors.learn(innovation, S, H)
             alignment.settle()
-        share = float(alignment.absorbed(noise)[self._levels.tested].max())
+            alignment.remember(claim.stamp_ns)
+        share = float(alignment.absorbed(noise)[self._heights.tested].max())
         self.absorption_s = self._interval_s / share
         floor = self._floor(share)
         if e.contradicted:
@@ -189,10 +209,10 @@ class PositionCheck:
                 Status.UNDECIDED, f"learning the noise of this stream: {missing} more claims", floor
             )
         apart_m = float(np.linalg.norm(r - H @ alignment.errors.mean))
-        sigma_m = float(self._test.sigma[:3][self._levels.tested].max())
+        sigma_m = float(self._test.sigma[:3][self._heights.tested].max())
         reason = (
-            f"the position is {apart_m:.2g} m from where the odometry leads (sigma {sigma_m:.2g} m); slower drifts "
-            f"than the floor are absorbed within {self.absorption_s:.1f} s"
+            f"the position is {apart_m:.2g} m from where the odometry leads (sigma {sigma_m:.2g} m); "
+            f"slower drifts than the floor are absorbed within {self.absorption_s:.1f} s"
         )
         return self._answer(Status.CONSISTENT, reason, floor)
 
@@ -218,7 +238,7 @@ class PositionCheck:
         noise = correlation * np.outer(sigma_m, sigma_m)
         v = alignment.velocity_m_s
         noise = noise + self.settings.clock_jitter_s**2 * np.outer(v, v)
-        if not self._levels.tested[2]:
+        if not self._heights.tested[2]:
             noise[2, :2] = noise[:2, 2] = 0.0
             noise[2, 2] = _NEVER_TOLD_M**2
         return np.asarray(noise)
@@ -235,9 +255,9 @@ class PositionCheck:
             self._alignment.widen(speed_m_s * (stamp_ns - self._last[0]) * 1e-9)
 
     def _floor(self, share: float) -> str:
-        """Smallest jump that three claims show; smallest drift, against a filter that takes `share` of it a claim."""
+        """Smallest jump that three claims show, and smallest drift; the filter takes in `share` a claim."""
         assert self._test is not None
-        axes = self._levels.tested
+        axes = self._heights.tested
         jump_m = float(self._test.floor(3)[:3][axes].max())
         drifts = []
         for claims in _FLOOR_CLAIMS:
@@ -249,7 +269,7 @@ class PositionCheck:
 
     def _accusation(self, alignment: Alignment, claim: PositionClaim, e: Evidence) -> str:
         apart_m = alignment.residual(claim.position_m) - alignment.jacobian() @ alignment.errors.mean
-        length_m = float(np.linalg.norm(apart_m[self._levels.tested]))
+        length_m = float(np.linalg.norm(apart_m[self._heights.tested]))
         return (
             f"the position is {length_m:.2g} m from where the odometry leads that the camera vouches for, "
             f"first along {_AXES[e.component]}"
@@ -264,23 +284,3 @@ class PositionCheck:
             check="position", source=self.source, status=status, statistic=e.statistic if e else None,
             threshold=e.threshold if e else None, unit=e.unit if e else "llr", floor=floor, reason=reason,
         )  # fmt: skip
-
-
-class _Levels:
-    """Whether heights can be compared: a wheel odometry or a 2-D localisation knows of none."""
-
-    def __init__(self) -> None:
-        self._first: tuple[FloatArray, FloatArray] | None = None
-        self._flat = [True, True]
-        self._last_m = np.zeros(3)
-        self._travelled_m = 0.0
-        self.tested = np.ones(3, dtype=bool)
-
-    def see(self, p_m: FloatArray, q_m: FloatArray) -> None:
-        if self._first is None:
-            self._first, self._last_m = (p_m, q_m), q_m
-        self._travelled_m += float(np.linalg.norm(q_m - self._last_m))
-        self._last_m = q_m
-        for i, (first, now) in enumerate(zip(self._first, (p_m, q_m), strict=True)):
-            self._flat[i] = self._flat[i] and abs(float(now[2] - first[2])) < 1e-6
-        self.tested[2] = not (self._travelled_m > _PLANAR_AFTER_M and self._flat[0] != self._flat[1])

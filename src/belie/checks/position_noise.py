@@ -1,11 +1,11 @@
 """The noise of a position stream, from its structure function.
 
-The noise of a position is a fast part, standard deviation r, and a slow part that wanders (multipath, a smoothing
-receiver). Its structure function ``V(L) = E[(n(t+L) - n(t))²]``, half of which is the semivariogram of Matheron
-(1963), tells them apart: ``V(L) = 2 r² + w² L`` for lags well below the correlation time τ of the slow part, a
-first-order Gauss-Markov process of variance ``w² τ / 2`` (Gelb, *Applied Optimal Estimation*, 1974, section 3.6).
-Two lags, the last claim and about a second, give r and w. A declared variance σ² is a promise: ``r >= σ`` and
-``w² >= 2 σ² / τ``, so that noise that is all slow is covered before any was seen.
+The noise of a position is a fast part, standard deviation r, and a slow part that wanders (multipath, a
+smoothing receiver). Its structure function ``V(L) = E[(n(t+L) - n(t))²]``, half of which is the semivariogram
+of Matheron (1963), tells them apart: ``V(L) = 2 r² + w² L`` for lags well below the correlation time τ of the
+slow part, a first-order Gauss-Markov process of variance ``w² τ / 2`` (Gelb, *Applied Optimal Estimation*,
+1974, section 3.6). Two lags, the last claim and about a second, give r and w. A declared variance σ² is a
+promise: ``r >= σ`` and ``w² >= 2 σ² / τ``, so that noise that is all slow is covered before any was seen.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ class PositionNoise:
         self._short, self._long = scales(), scales()
         self._past: deque[tuple[int, FloatArray]] = deque()
         self._lag_difference_s = _LONG_LAG_S
+        self._lag_claims = 10
 
     @property
     def missing_claims(self) -> int:
@@ -71,9 +72,12 @@ class PositionNoise:
         """Intensity w of the slow part, m per sqrt(s), shape (3,)."""
         short = np.array([scale.value for scale in self._short]) ** 2
         long = np.array([scale.value for scale in self._long]) ** 2
-        # One standard error of the difference is no evidence of wander: it would cost power for nothing.
-        doubt = _QUANTILE_ERROR / np.sqrt(max(self._long[0].count, 1)) * np.hypot(short, long)
-        seen = 2.0 * np.maximum(long - short - doubt, 0.0) / self._lag_difference_s
+        # One standard error of fast noise is no evidence of wander: it would cost power for nothing.
+        count = max(self._long[0].count, 1)
+        doubt = _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short
+        # Overlapping differences of a slow process say little new, so what was seen may be small by chance.
+        caution = 1.0 + _QUANTILE_ERROR / np.sqrt(max(count / self._lag_claims, 1.0))
+        seen = 2.0 * np.maximum(long - short - doubt, 0.0) * caution / self._lag_difference_s
         promised = 2.0 * np.maximum(self._least**2, np.minimum(long, short)) / self._settings.multipath_time_s
         return np.asarray(np.sqrt(np.maximum(seen, promised)) * unit_m)
 
@@ -86,6 +90,7 @@ class PositionNoise:
             if len(past) >= _LONG_LAG_CLAIMS and reach_s >= _LONG_LAG_S:
                 self._take(self._long, difference_m - past[0][1], unit_m)
                 self._lag_difference_s = reach_s - (stamp_ns - past[-1][0]) * 1e-9
+                self._lag_claims = len(past)
         past.append((stamp_ns, difference_m))
         while len(past) > _LONG_LAG_CLAIMS and (stamp_ns - past[1][0]) * 1e-9 >= _LONG_LAG_S:
             past.popleft()

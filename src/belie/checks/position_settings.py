@@ -16,8 +16,8 @@ class PositionSettings(Settings):
 
     unknown_sigma_m: float = Field(
         1.0, gt=0.0,
-        description="noise of a position whose covariance is not told, before any was seen; the true one is learned "
-        "[m, each axis]",
+        description="noise of a position whose covariance is not told, before any was seen; the true one is "
+        "learned [m, each axis]",
     )  # fmt: skip
     least_sigma_m: float = Field(
         0.001, gt=0.0, description="no position without a covariance is believed to be better than this [m]"
@@ -61,8 +61,8 @@ class PositionSettings(Settings):
     )
     heading_known_deg: float = Field(
         5.0, gt=0.0, le=15.0,
-        description="standard deviation of the estimated heading between two frames at which the full test begins "
-        "[deg]; a straight line is a good model of the circle up to here",
+        description="standard deviation of the estimated heading between two frames at which the full test "
+        "begins [deg]; a straight line is a good model of the circle up to here",
     )  # fmt: skip
     prior_scale: float = Field(
         3.0,
@@ -79,6 +79,6 @@ class PositionSettings(Settings):
     )
     waiting_claims: int = Field(
         50, ge=0,
-        description="claims that must be believed after one before it counts as noise [count]: a slow lie is tested "
-        "against the noise from before it",
+        description="claims that must be believed after one before it counts as noise [count]: a slow lie is "
+        "tested against the noise from before it",
     )  # fmt: skip

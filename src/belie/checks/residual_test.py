@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from belie.checks.noise_scale import NoiseScale, NoiseScaleSettings
@@ -49,17 +51,20 @@ class ResidualTest:
         self._scale = NoiseScale(components, noise)
         self._bank = CusumBank(components, sequential, tests)
         self._previous = np.zeros(components)
+        self._learning_s, self._learned_s, self._interval_s = noise.learning_s, 0.0, 0.0
         self.sigma = np.full(components, np.inf)
 
     @property
     def missing_frames(self) -> int:
         """How many believed frames are missing before the noise is known; until then only jumps are caught."""
-        return self._scale.missing_frames
+        by_time = math.ceil((self._learning_s - self._learned_s) / self._interval_s - 1e-6) if self._interval_s else 0
+        return max(self._scale.missing_frames, by_time)
 
     def update(
         self, r: FloatArray, H: FloatArray, noise: FloatArray, stamp_ns: int, interval_s: float
     ) -> Evidence:
         """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`."""
+        self._interval_s = interval_s
         innovation, S = self.errors.innovation(r, H, noise)
         scale = self._scale.value
         scaled = S + np.outer(scale, scale) * noise - noise
@@ -69,6 +74,7 @@ class ResidualTest:
         evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
         self._previous = x
         if not evidence.contradicted:
+            self._learned_s += interval_s
             self._scale.learn(innovation / np.sqrt(np.diag(S)))
             self.errors.learn(innovation, scaled, H)
         return evidence

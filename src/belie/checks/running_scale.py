@@ -1,7 +1,8 @@
 """A robust scale over a long memory, cheap enough to be asked for at every claim.
 
-A slow lie takes seconds to prove itself, so the noise that it is tested against must come from a longer memory than
-that, and from before: what was seen in the last seconds waits, and is thrown away if it turns out to be contradicted.
+A slow lie takes seconds to prove itself, so the noise that it is tested against must come from a longer memory
+than that, and from before: what was seen in the last seconds waits, and is thrown away if it turns out to be
+contradicted.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class RunningScale:
     def correlation(self) -> float:
         """Positive lag-one correlation, from signs: ``E[sign x_t sign x_t-1] = 2/π asin φ`` for a Gaussian.
 
-        Shrunk by its standard error and at most 0.9. A negative one only makes false alarms rarer: 0 is answered.
+        Shrunk by its standard error and at most 0.9. A negative one only makes false alarms rarer: 0 then.
         """
         n = len(self._seen)
         if n < 8 or self.missing > 0:

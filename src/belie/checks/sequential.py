@@ -33,7 +33,7 @@ class SequentialSettings(Settings):
         description="sizes of the lies that the CUSUM bank is best at [standard deviations a frame]",
     )  # fmt: skip
     clip_sigma: float = Field(
-        5.0, gt=1.0,
+        4.0, gt=1.0,
         description="one frame counts for no more than this [standard deviations]: residuals have heavier tails "
         "than a Gaussian, and one frame proves little",
     )  # fmt: skip
