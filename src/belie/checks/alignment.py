@@ -1,6 +1,6 @@
 """How positions are related to the odometry: rotation, scale, offset, antenna, delay, and their drift.
 
-    p = m + o + R_map_odom R_odom_body l + v d + c + noise,    m <- m + R_map_odom Δq (1 + e)
+    p = m + o + R_map_odom R_odom_body l - v d + c + noise,    m <- m + R_map_odom Δq (1 + e)
 
 m is the dead-reckoned position, Δq the odometry's displacement since the last claim, o the error of m, e
 that of the scale, l the lever arm's, d the delay at velocity v, c the slow noise of the position
@@ -111,6 +111,12 @@ class Alignment:
         """Position minus dead reckoning, before the filter's parameters are taken off, shape (3,)."""
         return np.asarray(position_m - self.position_m)
 
+    def wander(self, position_m: FloatArray) -> FloatArray:
+        """Position minus dead reckoning, antenna and delay taken off: offset and noise, shape (3,)."""
+        H = self.jacobian()
+        known = H[:, LEVER] @ self.errors.mean[LEVER] + H[:, DELAY] * self.errors.mean[DELAY]
+        return np.asarray(self.residual(position_m) - known)
+
     def advance(self, T_odom_body: SE3, interval_s: float, walk_m: FloatArray) -> None:
         """Go on to `T_odom_body`, `interval_s` later; `walk_m`, shape (3,): slow noise, m per sqrt(s)."""
         s = self._settings
@@ -118,12 +124,12 @@ class Alignment:
         distance_m = float(np.linalg.norm(v))
         self._T_odom_body = T_odom_body
         self._velocity_m_s = v / interval_s
-        self.position_m = self.position_m + v
+        self.position_m = self.position_m + v * (1.0 + self.errors.mean[SCALE])
         fade = math.exp(-interval_s / s.multipath_time_s)
         F = np.eye(_PARAMETERS)
         F[OFFSET, ROTATION], F[OFFSET, SCALE] = -skew(v), v
         F[SLOW, SLOW] *= fade
-        self.errors.mean = F @ self.errors.mean
+        self.errors.mean[SLOW] *= fade  # rotation and scale are in `position_m` already
         self.errors.covariance = F @ self.errors.covariance @ F.T
         Q = np.zeros(_PARAMETERS)
         Q[ROTATION] = math.radians(s.heading_walk_deg) ** 2 * distance_m
@@ -158,7 +164,8 @@ class Alignment:
         self._memories.append(
             _Memory(
                 stamp_ns=stamp_ns, R_map_odom=self._R_map_odom, T_odom_body=self._T_odom_body,
-                position_m=self.position_m, mean=self.errors.mean.copy(), covariance=self.errors.covariance.copy(),
+                position_m=self.position_m,
+                mean=self.errors.mean.copy(), covariance=self.errors.covariance.copy(),
             )
         )  # fmt: skip
 

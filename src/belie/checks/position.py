@@ -10,11 +10,11 @@ them. Windows of plain displacement are used only while the rotation between the
 
 A random-walk offset swallows slow drifts: a filter of gain k leaves ``s dt / k`` of a drift s in its
 innovations, so one that leaves too little, for good, is absorbed within about ``dt / k`` seconds. Both are
-stated: the smallest drift is the floor of every result, the time constant is `PositionCheck.absorption_s`. The
-gain is no larger than odometry drift and the noise of the stream (learned, `position_noise`) call for. Nothing
-is learned from a claim that is contradicted, and once a lie is found what was learned since its onset is
-taken back; from there on positions are compared with pure dead reckoning (`return_test`), and believed again
-where they agree with it.
+stated: the smallest drift is the floor of every result, the time constant is `PositionCheck.absorption_s`.
+The gain is no larger than odometry drift and the noise of the stream (learned, `position_noise`) call for.
+Nothing is learned from a claim that is contradicted, and once a lie is found what was learned since its
+onset is taken back; from there on positions are compared with pure dead reckoning (`return_test`), and
+believed again where they agree with it.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ class PositionCheck:
                 self._return = Return(e, self._sequential.release_s)
                 alignment.take_back(e.onset_ns, claim.stamp_ns, self._noise.walk_m(unit_m))
         else:
-            self._noise.learn(claim.stamp_ns, r, unit_m)
+            self._noise.learn(claim.stamp_ns, alignment.wander(claim.position_m), unit_m)
             alignment.errors.learn(innovation, S, H)
             alignment.settle()
             alignment.remember(claim.stamp_ns)

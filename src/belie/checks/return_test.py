@@ -1,9 +1,9 @@
-"""After a contradiction: is the position back where dead reckoning from before the lie leads?
+"""After a contradiction: whether the position is back where dead reckoning from before the lie leads.
 
-While nothing is learned the prediction's own error is common to all claims, so their innovations are not white
-and a CUSUM of them would never end. The mean of the last claims is tested instead, ``x' (H P H' + R / n)^-1 x``
-against a χ² of three degrees of freedom: P is the prediction's covariance, which grows with the odometry's drift
-as long as the lie lasts, R the noise of one of n claims.
+While nothing is learned the prediction's own error is common to all claims, so their innovations are not
+white and a CUSUM of them would never end. The mean of the last claims is tested instead,
+``x' (H P H' + R / n)^-1 x`` against a χ² of three degrees of freedom: P is the prediction's covariance, which
+grows with the odometry's drift as long as the lie lasts, R the noise of one of n claims.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ class Return:
 
     Examples
     --------
-    >>> accusation = Evidence(contradicted=True, statistic=9.0, threshold=8.0, unit="llr", component=0, onset_ns=0)
+    >>> accusation = Evidence(
+    ...     contradicted=True, statistic=9.0, threshold=8.0, unit="llr", component=0, onset_ns=0)
     >>> wait, S, R = Return(accusation, 0.3), 0.1 * np.eye(3), 0.05 * np.eye(3)
     >>> [wait.update(np.array([2.0, 0, 0]), S, R, i * 10**8).contradicted for i in range(5)]
     [True, True, True, True, True]
@@ -45,7 +46,7 @@ class Return:
         self._recent: deque[tuple[int, FloatArray]] = deque()
 
     def update(self, innovation: FloatArray, S: FloatArray, noise: FloatArray, stamp_ns: int) -> Evidence:
-        """Test an innovation, shape (3,), of covariance S, of which `noise` is the claim's own; both (3, 3)."""
+        """Test an innovation, shape (3,), of covariance S (3, 3), of which `noise` is the claim's own."""
         recent = self._recent
         recent.append((stamp_ns, innovation))
         while len(recent) > _FEWEST and stamp_ns - recent[1][0] >= self._release_ns:

@@ -1,8 +1,8 @@
 """A robust scale over a long memory, cheap enough to be asked for at every claim.
 
-A slow lie takes seconds to prove itself, so the noise that it is tested against must come from a longer memory
-than that, and from before: what was seen in the last seconds waits, and is thrown away if it turns out to be
-contradicted.
+A slow lie takes seconds to prove itself, so the noise that it is tested against must come from a longer
+memory than that, and from before: what was seen in the last seconds waits, and is thrown away if it turns
+out to be contradicted.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Position against odometry while the rotation between them is not known.
 
 Length does not care for rotation: ``| |Δp| - |Δq| | <= |noise|`` by the triangle inequality, so its square
-over the noise's variance lies below a χ² of three degrees of freedom. It is tested over several windows, each
-with its share of the false alarms (Bonferroni, which needs no independence). Meanwhile the heading is fitted to
-the two tracks: ``ψ = arg Σ conj(z_q) z_p`` over centred complex horizontal positions, the planar case of
-Umeyama (1991).
+over the noise's variance lies below a χ² of three degrees of freedom. It is tested over several windows,
+each with its share of the false alarms (Bonferroni, which needs no independence). Meanwhile the heading is
+fitted to the two tracks: ``ψ = arg Σ conj(z_q) z_p`` over centred complex horizontal positions, the planar
+case of Umeyama (1991).
 """
 
 from __future__ import annotations
