@@ -78,15 +78,13 @@ def run(job: Job) -> Found:
 
 
 def run_all(jobs: Sequence[Job], workers: int) -> list[Found]:
-    """Every job, in as many processes, with a progress bar on stderr; the answers in the order of the jobs."""
+    """Every job, in as many processes, with a progress bar on stderr; answers in the order of jobs."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     with (
         Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-        ProcessPoolExecutor(
-            workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)
-        ) as pool,
+        ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool,
     ):
         task = progress.add_task("recordings", total=len(jobs))
         futures = [pool.submit(run, job) for job in jobs]
@@ -97,13 +95,17 @@ def run_all(jobs: Sequence[Job], workers: int) -> list[Found]:
         return [future.result() for future in futures]
 
 
+def _one_thread() -> None:
+    cv2.setNumThreads(1)
+
+
 def main() -> int:
     """Run, and print; 1 if a target is missed in `default`."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="6 onsets, no sweep, claims `noisy` only")
     parser.add_argument("--recordings", nargs="+", choices=RECORDINGS, default=list(RECORDINGS))
-    parser.add_argument("--variants", nargs="+", choices=list(VARIANTS), default=None)
-    parser.add_argument("--families", nargs="+", choices=[f.name for f in FAMILIES], default=None)
+    parser.add_argument("--variants", nargs="+", choices=list(VARIANTS))
+    parser.add_argument("--families", nargs="+", choices=[f.name for f in FAMILIES])
     parser.add_argument("--profiles", nargs="+", choices=get_args(Profile), default=list(get_args(Profile)))
     parser.add_argument("--onsets", type=int, default=None, help="onsets a recording [20]")
     parser.add_argument("--sweep-onsets", type=int, default=None, help="the same for other magnitudes [8]")
