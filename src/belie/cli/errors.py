@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Sequence
 from typing import Any
 
+import typer
 from typer.core import TyperGroup
 
 ALERT_RAISED = 1
@@ -21,6 +22,13 @@ class OneLineGroup(TyperGroup):
 
     ``BELIE_DEBUG=1`` shows tracebacks.
     """
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; typer would give exit code 1 to what ends it early, and that means an alert."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise typer.Exit(exit_code_of(error)) from error
 
     def main(
         self,

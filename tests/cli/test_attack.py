@@ -1,0 +1,72 @@
+"""``belie attack``: an attacked copy, its labels, and what is refused."""
+
+import json
+
+import pytest
+
+from belie.attacks import describe_attacks, read_labels
+from belie.recordings import open_recording
+
+
+def test_copy_and_labels(drive, attacked):
+    (label,) = read_labels(f"{attacked}.labels.json")
+    assert (label.start_frame, label.stop_frame, label.sources) == (60, 70, ("/odom",))
+    original = [step.claims[0].T_odom_body.t for step in open_recording(drive).steps()]
+    lies = [step.claims[0].T_odom_body.t for step in open_recording(attacked).steps()]
+    assert len(lies) == len(original)
+    assert lies[64][2] - original[64][2] == pytest.approx(1.0, abs=1e-6)
+    assert lies[59] == pytest.approx(original[59], abs=1e-9)
+
+
+def test_help_lists_every_attack(run):
+    result = run("attack", "--help")
+    assert result.exit_code == 0
+    assert describe_attacks() in result.stdout
+    assert "belie attack drive.mcap paper-odometry -o attacked.mcap" in result.stdout
+
+
+def test_nothing_is_overwritten_without_force(run, drive, tmp_path):
+    output = tmp_path / "out.mcap"
+    output.write_bytes(b"precious")
+    refused = run("attack", drive, "odometry-freeze:start=60", "-o", output)
+    assert refused.exit_code == 2
+    assert "--force overwrites it" in refused.stderr
+    assert output.read_bytes() == b"precious"
+    # A failure half-way leaves what was there, too.
+    failed = run("attack", drive, "imu-bias:rate=1,start=60", "-o", output, "--force")
+    assert failed.exit_code == 2
+    assert "no imu claims" in failed.stderr
+    assert output.read_bytes() == b"precious"
+    assert run("attack", drive, "odometry-freeze:start=60", "-o", output, "--force").exit_code == 0
+    assert open_recording(output).format == "ros2-mcap"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.mcap", "out.mcap.labels.json"]
+
+
+def test_the_recording_itself_is_never_the_target(run, attacked):
+    before = attacked.stat().st_mtime_ns
+    result = run("attack", attacked, "odometry-freeze:start=60", "-o", attacked, "--force")
+    assert result.exit_code == 2
+    assert "is the recording itself" in result.stderr
+    assert attacked.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("specs", "output", "expected"),
+    [
+        (["odometry-ofset"], "out.mcap", "did you mean 'odometry-offset'?"),
+        (["odometry-freeze:start=500"], "out.mcap", "the recording has 90 frames"),
+        (["odometry-freeze:start=60"], "out.bag", "must end in .mcap"),
+        ([], "out.mcap", "Missing argument 'SPEC...'"),
+    ],
+)
+def test_bad_attacks_are_one_line(run, drive, tmp_path, specs, output, expected):
+    result = run("attack", drive, *specs, "-o", tmp_path / output)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert expected in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_labels_are_json_that_others_can_read(attacked):
+    document = json.loads(attacked.with_name(f"{attacked.name}.labels.json").read_text())
+    assert document["format"] == "belie-attack-labels"

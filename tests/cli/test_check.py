@@ -1,0 +1,126 @@
+"""``belie check``: exit codes, the JSON contract, the table, the score and the report."""
+
+import json
+
+import pytest
+
+
+def test_an_honest_drive_exits_0(run, drive):
+    result = run("check", drive)
+    assert result.exit_code == 0, result.output
+    assert "90 in 8.9 s, 10.0 Hz" in result.stdout
+    assert "no alert" in result.stdout
+    assert "learning the noise of this stream: … more frames" in result.stdout
+    assert "p95" in result.stdout
+
+
+def test_a_lie_exits_1_and_is_named(run, attacked):
+    result = run("check", attacked)
+    assert result.exit_code == 1, result.output
+    line = next(line for line in result.stdout.splitlines() if "odometry_spoofing" in line)
+    assert "/odom" in line
+    assert "frame 60" in line
+    assert f"--labels {attacked}.labels.json" in " ".join(result.stderr.split())
+
+
+def test_json_alone_on_stdout(run, attacked):
+    result = run("check", attacked, "--json", "-")
+    assert result.exit_code == 1
+    verdicts = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [verdict["frame"] for verdict in verdicts] == list(range(90))
+    assert set(verdicts[0]) == {"frame", "stamp_ns", "status", "latency_ms", "checks", "alerts"}
+    odometry = next(check for check in verdicts[30]["checks"] if check["check"] == "odometry")
+    assert set(odometry) == {
+        "check", "source", "status", "statistic", "threshold", "unit", "floor", "reason", "object",
+    }  # fmt: skip
+    alerts = [(verdict["frame"], alert) for verdict in verdicts for alert in verdict["alerts"]]
+    frame, alert = alerts[0]
+    assert 60 <= frame <= 63
+    assert (alert["type"], alert["source"], alert["object"]) == ("odometry_spoofing", "/odom", None)
+    assert "odometry_spoofing" in result.stderr
+
+
+@pytest.fixture(scope="module")
+def scored(run, attacked, tmp_path_factory):
+    """One run with everything asked for: result, JSON lines, page."""
+    folder = tmp_path_factory.mktemp("scored")
+    options = ["--json", folder / "out.jsonl", "--report", folder / "out.html"]
+    result = run("check", attacked, *options, "--labels", f"{attacked}.labels.json")
+    assert result.exit_code == 1, result.output
+    return result, (folder / "out.jsonl").read_text(), (folder / "out.html").read_text(encoding="utf-8")
+
+
+def test_json_to_a_file_leaves_the_table_on_stdout(scored):
+    result, lines, _ = scored
+    assert "odometry_spoofing" in result.stdout
+    assert len(lines.splitlines()) == 90
+
+
+def test_labels_score_the_answer(scored):
+    result, _, _ = scored
+    assert "hits 1 of 1" in result.stdout
+    assert "wrong type or source 0" in result.stdout
+    assert "add --labels" not in result.stderr
+
+
+def test_the_report_is_one_self_contained_page(scored):
+    _, _, html = scored
+    assert "The stream /odom claims a motion that the camera did not see" in html
+    assert "data:image/jpeg;base64," in html
+    assert "odometry-offset:axis=z,rate=0.2,start=60,stop=70" in html
+    assert "<script" not in html
+    assert not [word for word in ('src="http', 'href="http', "@import", "url(http") if word in html]
+
+
+def test_the_paper_profile_runs(run, drive):
+    result = run("check", drive, "--profile", "paper", "--position", "poses")
+    assert result.exit_code in (0, 1), result.output
+    assert "profile paper" in result.stdout
+
+
+def test_settings_from_file_and_flags(run, drive, tmp_path):
+    settings = tmp_path / "belie.toml"
+    settings.write_text("[noise]\nlearning_frames = 30\n")
+    result = run("check", drive, "--config", settings, "--false-alarms-per-hour", "5", "--json", "-")
+    undecided = [v for v in map(json.loads, result.stdout.splitlines()) if v["status"] == "undecided"]
+    assert len(undecided) >= 30
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["no/such.mcap"], "no/such.mcap does not exist"),
+        (["{drive}", "--profile", "fast"], "profile"),
+        (["{drive}", "--config", "none.toml"], "cannot read the configuration none.toml"),
+        (["{drive}", "--false-alarms-per-hour", "-1"], "sequential.false_alarms_per_hour"),
+        (["{drive}", "--labels", "{drive}/poses.txt"], "labels"),
+        (["{drive}", "--imu", "/imu"], "--imu /imu has no meaning"),
+        (["{drive}", "--report", "no/folder/out.html"], "the folder no/folder does not exist"),
+        (["{drive}", "--json", "no/folder/out.json"], "no/folder/out.json: No such file"),
+        (["{drive}", "--rate", "-3"], "rate_hz must be positive"),
+        (["{drive}", "--image", "/left"], "--image /left"),
+        ([], "Missing argument 'SOURCE'"),
+        (["{drive}", "--reprot", "x"], "--reprot"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(run, drive, arguments, expected):
+    result = run("check", *(argument.format(drive=drive) for argument in arguments))
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith("belie: error: ")
+    assert expected in result.stderr
+
+
+def test_damaged_files_are_one_line(run, tmp_path, attacked):
+    text = tmp_path / "text.mcap"
+    text.write_text("hello")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(attacked.read_bytes()[:20_000])
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for path in (text, cut, empty):
+        result = run("check", path)
+        assert result.exit_code == 2
+        assert result.stderr.count("\n") == 1, result.stderr
+        assert str(path) in result.stderr

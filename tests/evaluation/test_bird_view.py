@@ -1,0 +1,21 @@
+"""Positions in axes of their own are laid onto what the camera saw; alert parts are marked."""
+
+import numpy as np
+import pytest
+
+from belie.evaluation.bird_view import bird_view
+
+
+def test_positions_are_turned_onto_the_seen_path(made_run):
+    view = bird_view(made_run(60))
+    ((source, points),) = view.positions
+    assert source == "/gnss"
+    assert points[::10] == pytest.approx(view.seen[::10], abs=1e-6)
+    assert not view.in_alert.any()
+
+
+def test_alerts_are_marked_from_onset_to_end_and_do_not_bend_the_positions(made_run):
+    view = bird_view(made_run(60, onset=30, end=40))
+    assert np.flatnonzero(view.in_alert).tolist() == list(range(30, 40))
+    assert view.apart_m[35] == pytest.approx(1.2)
+    assert view.ahead_name == "ahead at the start"
