@@ -1,8 +1,8 @@
 """The camera itself: frozen, replayed, black or covered.
 
-A camera is accused of what no honest one shows: images that repeat while the robot is claimed to move, an old
-sequence entered from elsewhere, a scene that is gone from one frame to the next and does not come back. What may
-be honest (dusk, fog, a blank wall, a lone duplicate, one claim against a plausible stop) is UNDECIDED.
+A camera is accused of what no honest one shows: images that repeat while the robot is claimed to move, an
+old sequence entered from elsewhere, a scene that is gone from one frame to the next and does not come back.
+What may be honest (dusk, fog, a wall, a lone duplicate, one claim against a plausible stop) is UNDECIDED.
 """
 
 from __future__ import annotations
@@ -12,85 +12,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from belie.checks.image_memory import ExactMemory, NearMemory, OldImage
+from belie.checks.blankness import Blankness
+from belie.checks.camera_settings import CameraSettings
 from belie.checks.image_signature import ImageSignature, image_signature
-from belie.checks.stillness import Stillness, StillnessSettings
-from belie.types import CheckResult, Frame, Settings, Status, VisualEstimate
+from belie.checks.replay import ReplaySearch
+from belie.checks.stillness import Stillness
+from belie.types import CheckResult, Frame, Status, VisualEstimate
 
 _LEAST_KNOWN = 4  # images before a median of them means anything
-
-
-class CameraSettings(Settings):
-    """What no honest camera shows, and for how long it must be seen."""
-
-    stillness: StillnessSettings = StillnessSettings()
-    stop_m_s2: float = Field(
-        15.0, gt=0.0,
-        description="deceleration that no robot reaches [m/s²]; grip gives 8 to 10, a race car's tyres 15",
-    )  # fmt: skip
-    blank_gray: float = Field(
-        3.0, ge=0.0,
-        description="an image whose cells vary by less is blank [gray]; noise of 2 gray levels leaves 0.2",
-    )  # fmt: skip
-    blank_ratio: float = Field(
-        0.2, gt=0.0, lt=1.0,
-        description="so is one whose cells vary by less than this share of what they did [1]; halving the exposure "
-        "leaves 0.5",
-    )  # fmt: skip
-    blank_frames: int = Field(
-        3, ge=1, description="blank images at once after structured ones that make a fault [count]"
-    )
-    lost_ratio: float = Field(
-        0.3, gt=0.0, lt=1.0,
-        description="the scene is another if fewer than this share of the usual corners are found again [1]",
-    )  # fmt: skip
-    exact_images: int = Field(
-        100_000,
-        ge=100,
-        description="images that an exact repeat is recognised of [count]; an hour at 28 Hz, 10 MB",
-    )
-    near_s: float = Field(60.0, gt=0.0, description="age up to which a re-encoded repeat is recognised [s]")
-    near_images: int = Field(
-        1800, ge=100, description="images that a re-encoded repeat is recognised of [count]; 2.5 kB each"
-    )
-    near_ratio: float = Field(
-        0.25, gt=0.0, lt=0.5,
-        description="a repeat is nearer to the old image than this share of the old sequence's step from frame to "
-        "frame [1]; re-encoding leaves 0.11, the nearest honest image of real drives is at 0.9",
-    )  # fmt: skip
-    near_lag: int = Field(5, ge=2, description="images back before a near repeat counts [count]")
-    replayed_frames: int = Field(
-        2,
-        ge=2,
-        description="consecutive repeats of older images that make a fault [count]; one may be a stray",
-    )
-    release_s: float = Field(
-        1.0,
-        ge=0.0,
-        description="time of normal images after which a fault is over [s]; a new one is a new alert",
-    )
-
-
-@dataclass(slots=True)
-class _Replay:
-    """A run of images that were shown before."""
-
-    since_ns: int
-    last: OldImage
-    exact: bool
-    count: int = 1
-    distinct: int = 1
-
-
-@dataclass(slots=True)
-class _Blank:
-    """A run of images without structure; `abrupt`: the one before the first had its usual structure."""
-
-    since_ns: int
-    abrupt: bool
-    count: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,10 +70,7 @@ class CameraCheck:
         )
         self._images = 0
         self._path_px = 0.0
-        self._spreads: deque[float] = deque(maxlen=2 * _LEAST_KNOWN)
         self._inliers: deque[int] = deque(maxlen=2 * _LEAST_KNOWN)
-        self._replay: _Replay | None = None
-        self._blank: _Blank | None = None
         self._signature: ImageSignature | None = None
         self._stamp_ns, self._interval_s = -1, 0.0
         self._fault: _Finding | None = None
@@ -163,62 +90,18 @@ class CameraCheck:
         self._signature = signature = image_signature(frame.image)
         self._interval_s = max(0.0, (frame.stamp_ns - self._stamp_ns) * 1e-9) if before is not None else 0.0
         self._stamp_ns = frame.stamp_ns
-        self._images += 1
-        self._look_for_blank(signature, frame.stamp_ns)
+        blank = self._blankness.look(signature, frame.stamp_ns)
         unchanged = self._stillness.look(signature, frame.stamp_ns)
-        self._look_for_replay(signature, before, frame.stamp_ns, unchanged)
+        replayed = self._replays.look(
+            signature, before, frame.stamp_ns, self._path_px, blank=blank, unchanged=unchanged
+        )
         run = self._stillness.run
         stopped = run is not None and (self._stillness.repeated or bool(run.movers) or self._sudden())
-        return self._blank is not None or self._replay is not None or stopped
+        return blank or replayed or stopped
 
     def _sudden(self) -> bool:
         run = self._stillness.run
         return run is not None and run.count == 1 and (run.abrupt or run.after_cut)
-
-    def _look_for_blank(self, signature: ImageSignature, stamp_ns: int) -> None:
-        s, spread = self.settings, signature.spread_gray
-        known = len(self._spreads) >= _LEAST_KNOWN
-        usual = float(np.median(self._spreads)) if known else 0.0
-        gone = usual > s.blank_gray and spread < s.blank_ratio * usual
-        if not gone and spread >= s.blank_gray:
-            self._blank = None
-            self._spreads.append(spread)
-            return
-        if self._blank is None:
-            abrupt = gone and self._spreads[-1] > 0.5 * usual
-            self._blank = _Blank(since_ns=stamp_ns, abrupt=abrupt)
-        self._blank.count += 1
-
-    def _look_for_replay(
-        self, signature: ImageSignature, before: ImageSignature | None, stamp_ns: int, unchanged: bool
-    ) -> None:
-        if self._blank is not None:  # all black images are equal
-            self._replay = None
-            return
-        if unchanged:  # neither new nor a step in an old sequence
-            if self._replay is not None:
-                self._replay.count += 1
-            return
-        exact = self._exact.find(signature.digest)
-        old = exact
-        if old is None and before is not None:
-            if self._replay is not None and not self._replay.exact:
-                old = self._near.follow(signature, self._replay.last)
-            else:
-                old = self._near.enter(signature, before, stamp_ns)
-        if old is None:
-            self._replay = None
-            image = OldImage(index=self._images, path_px=self._path_px)
-            self._exact.add(signature.digest, image)
-            self._near.add(signature, self._images, stamp_ns, self._path_px)
-        elif self._replay is None or self._replay.exact != (exact is not None):
-            since_ns = stamp_ns if self._replay is None else self._replay.since_ns
-            count = 1 if self._replay is None else self._replay.count + 1
-            self._replay = _Replay(since_ns=since_ns, last=old, exact=exact is not None, count=count)
-        else:
-            self._replay.count += 1
-            self._replay.distinct += 1
-            self._replay.last = old
 
     # -- image and claims --------------------------------------------------------------------------
 
@@ -236,8 +119,8 @@ class CameraCheck:
         estimate : VisualEstimate or None
             None where the odometry was spared this image.
         claimed_flow_px : mapping of str to float
-            For each *independent* stream, by how much the image should have moved since the last frame if the claim
-            were true: median displacement, full-resolution px. Two keys count as two witnesses.
+            For each *independent* stream, by how much the image should have moved since the last frame if the
+            claim were true: median displacement, full-resolution px. Two keys count as two witnesses.
         speed_m_s : float or None
             The slowest speed that is claimed now; tells whether a sudden stop is possible.
 
@@ -253,7 +136,9 @@ class CameraCheck:
             raise ValueError(
                 f"claimed displacements must be numbers of 0 or more, got {dict(claimed_flow_px)}"
             )
-        self._stillness.compare(claimed_flow_px, frame.stamp_ns, cut=self._is_cut(estimate))
+        cut = self._is_cut(estimate)
+        typical = not (cut or self._blankness.is_or_was)
+        self._stillness.compare(claimed_flow_px, frame.stamp_ns, cut=cut, typical=typical)
         fastest = max(claimed_flow_px.values(), default=0.0)
         if fastest >= self.settings.stillness.moving_px:
             self._path_px += fastest
@@ -281,7 +166,7 @@ class CameraCheck:
         )
 
     def _find_blank(self, signature: ImageSignature) -> _Finding | None:
-        blank = self._blank
+        blank = self._blankness.run
         if blank is None:
             return None
         look = "dark" if signature.mean_gray < 30.0 else "white" if signature.mean_gray > 225.0 else "blank"
@@ -299,7 +184,7 @@ class CameraCheck:
         )
 
     def _find_replay(self, claimed: bool) -> _Finding | None:
-        replay = self._replay
+        replay = self._replays.run
         if replay is None:
             return None
         moved = self._path_px - replay.last.path_px > self.settings.stillness.moved_px
@@ -379,7 +264,7 @@ class CameraCheck:
             return finding
         if fault is None:
             return finding
-        if finding.status is Status.UNDECIDED and self._blank is None and self._replay is None:
+        if finding.status is Status.UNDECIDED and self._blankness.run is None and self._replays.run is None:
             return fault
         if stamp_ns - self._fault_seen_ns < self.settings.release_s * 1e9:
             return fault

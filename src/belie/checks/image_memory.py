@@ -1,9 +1,9 @@
 """Has this image been shown before? Exactly, over the whole run, and nearly, over the last minute.
 
-An honest camera may come back to a place, even at the same phase of its motion; then the image before was like the
-image before the old one, too. A replay *enters* the old sequence: the image is the old one, the one before is not.
-Matches must be far closer than the old sequence's own steps from frame to frame: re-encoding leaves 0.01 to 0.11
-of such a step, while the nearest honest image of real drives is 0.9 of a step away.
+An honest camera may come back to a place, even at the same phase of its motion; then the image before was
+like the image before the old one, too. A replay *enters* the old sequence: the image is the old one, the one
+before is not. Matches must be far closer than the old sequence's own steps from frame to frame: re-encoding
+leaves 0.01 to 0.11 of such a step, while the nearest honest image of real drives is 0.9 of a step away.
 """
 
 from __future__ import annotations
@@ -147,13 +147,13 @@ class NearMemory:
 
     def _ratio(self, signature: ImageSignature, number: int) -> float:
         """Distance to an old image over the old sequence's step there; infinite where that is unknown."""
-        steps = [self._steps[self._slot(n)] for n in (number, number + 1) if n < self._count]
+        steps = [float(self._steps[self._slot(n)]) for n in (number, number + 1) if n < self._count]
         step = min(steps)
         if not np.isfinite(step) or step <= 0.0:
             return float("inf")
         return pattern_distance(signature.pattern, self._patterns[self._slot(number)]) / step
 
     def _entered(self, before: ImageSignature, number: int) -> bool:
-        """Whether the image before was off the old sequence: a step and more from where it should have been."""
+        """Whether the image before was off the old sequence: about a step from where it should have been."""
         old_before = self._patterns[self._slot(number - 1)]
-        return pattern_distance(before.pattern, old_before) > 0.8 * self._steps[self._slot(number)]
+        return pattern_distance(before.pattern, old_before) > 0.8 * float(self._steps[self._slot(number)])

@@ -1,9 +1,8 @@
 """A small signature of an image: equal or not, alike or not, changed or not, at a cost of 0.1 ms.
 
-One pass over every n-th row gives a hash (bit-identical images) and the mean gray value of 32 x 18 cells. A cell
-averages hundreds of pixels: sensor noise of two gray levels leaves 0.1 to 0.2 there, coding at JPEG quality 40
-about 0.4, while half a pixel of motion in a structured scene changes it by more. Measured on real drives, the cells
-of consecutive frames differ by 2 to 50 gray levels.
+One pass over every n-th row gives a hash (bit-identical images) and the mean gray value of 32 x 18 cells.
+A cell averages hundreds of pixels: sensor noise of two gray levels leaves 0.1 to 0.2 there, coding at JPEG
+quality 40 about 0.4. On real drives, the cells of consecutive frames differ by 2 to 50 gray levels.
 """
 
 from __future__ import annotations

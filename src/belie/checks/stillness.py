@@ -1,8 +1,8 @@
 """Images that do not change although a robot is claimed to move: what is usual, what is a fault.
 
-The change from frame to frame is compared with its median over the last frames that moved, and the claims with
-theirs: an honest stop makes both fall together. Repeated frames have a rhythm (a 30 Hz camera in a 60 Hz stream
-shows each image twice), so the count is taken from the usual run of repeats on.
+The change from frame to frame is compared with its median over the last frames that moved, and the
+claims with theirs: an honest stop makes both fall together. Repeated frames have a rhythm (a 30 Hz camera
+in a 60 Hz stream shows each image twice), so the count is taken from the usual run of repeats on.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ class StillnessSettings(Settings):
 
     still_ratio: float = Field(
         0.2, gt=0.0, lt=1.0,
-        description="an image is still if it changes by less than this share of what moving images did [1]; noise "
-        "of 2 gray levels or JPEG coding at quality 40 reach 0.12, honest driving and hand motion stay above 0.3",
+        description="an image is still if it changes by less than this share of what moving images did [1]; "
+        "noise of 2 gray levels or JPEG coding at quality 40 reach 0.12, honest driving and hand motion stay "
+        "above 0.3",
     )  # fmt: skip
     least_change_gray: float = Field(
         1.0, gt=0.0,
-        description="moving images that change by less than this tell no standstill from noise [gray]; noise of 2 "
-        "gray levels leaves 0.2",
+        description="moving images that change by less than this tell no standstill from noise [gray]; noise "
+        "of 2 gray levels leaves 0.2",
     )  # fmt: skip
     moving_px: float = Field(
         1.0, gt=0.0,
-        description="claimed displacement in the image that counts as motion [px a frame]; noise of honest odometry "
-        "and gyroscopes at standstill stays below",
+        description="claimed displacement in the image that counts as motion [px a frame]; noise of honest "
+        "odometry and gyroscopes at standstill stays below",
     )  # fmt: skip
     moved_px: float = Field(
         3.0,
@@ -45,16 +46,16 @@ class StillnessSettings(Settings):
     )
     going_on_ratio: float = Field(
         0.5, ge=0.0, le=1.0,
-        description="a claim goes on if it states at least this share of the motion before the image stood still "
-        "[1]; filters in honest odometry make it lag behind a stop",
+        description="a claim goes on if it states at least this share of the motion before the image stood "
+        "still [1]; filters in honest odometry make it lag behind a stop",
     )  # fmt: skip
     memory_frames: int = Field(
         8, ge=_LEAST_KNOWN, description="frames in motion that the medians are over [count]"
     )
     repeats: int = Field(
         2, ge=1,
-        description="repeats against the claims, beyond what is usual, that make a fault [count]; a lone duplicated "
-        "frame happens in any real system",
+        description="repeats against the claims, beyond what is usual, that make a fault [count]; a lone "
+        "duplicated frame happens in any real system",
     )  # fmt: skip
     repeats_at_start: int = Field(
         6, ge=1, description="the same before the rhythm of the stream is known, in its first images [count]"
@@ -65,8 +66,9 @@ class StillnessSettings(Settings):
 class Run:
     """A run of unchanged images.
 
-    Its anchor is the image before the first repeat; `after_cut`: that one showed a new scene; `abrupt`: the image
-    still moved as usual one frame before. `against`, `since_ns` and `claimed_px` tell of the claims that went on.
+    Its anchor is the image before the first repeat; `after_cut`: that one showed a new scene; `abrupt`: the
+    image still moved as usual one frame before. `against`, `since_ns` and `claimed_px` tell of the claims
+    that went on.
     """
 
     anchor: ImageSignature
@@ -155,15 +157,22 @@ class Stillness:
             return float("inf")
         return float(np.median([change for change, _ in self._moving]))
 
-    def compare(self, claimed_flow_px: Mapping[str, float], stamp_ns: int, *, cut: bool = False) -> None:
+    def compare(
+        self,
+        claimed_flow_px: Mapping[str, float],
+        stamp_ns: int,
+        *,
+        cut: bool = False,
+        typical: bool = True,
+    ) -> None:
         """Set the claims of the same interval against the image that was just looked at.
 
-        `cut`: the image shows another scene than the one before.
+        `cut`: it shows another scene than the one before; `typical`: neither that, nor is either image blank.
         """
         s, run = self.settings, self.run
         self._cut = cut
         if run is None:
-            if not claimed_flow_px or max(claimed_flow_px.values()) >= s.moving_px:
+            if typical and max(claimed_flow_px.values(), default=s.moving_px) >= s.moving_px:
                 self._moving.append((self._change, dict(claimed_flow_px)))
             return
         run.movers = tuple(name for name, flow in claimed_flow_px.items() if self._goes_on(name, flow))
