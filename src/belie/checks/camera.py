@@ -61,14 +61,8 @@ class CameraCheck:
         self.source = source
         self.settings = s = settings or CameraSettings()
         self._stillness = Stillness(s.stillness)
-        self._exact = ExactMemory(s.exact_images)
-        self._near = NearMemory(
-            capacity=s.near_images,
-            span_ns=int(s.near_s * 1e9),
-            match_ratio=s.near_ratio,
-            least_lag=s.near_lag,
-        )
-        self._images = 0
+        self._replays = ReplaySearch(s)
+        self._blankness = Blankness(s)
         self._path_px = 0.0
         self._inliers: deque[int] = deque(maxlen=2 * _LEAST_KNOWN)
         self._signature: ImageSignature | None = None
