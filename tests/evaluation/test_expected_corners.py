@@ -102,7 +102,8 @@ def test_a_snapshot_begins_before_the_lie(frames, corners):
         check = CheckResult(check="odometry", source="/odom", status=Status.CONSISTENT)
         estimate = VisualEstimate(
             stamp_ns=view.frame.stamp_ns, previous_stamp_ns=0, T_prev_cur=SE3.identity(),
-            covariance=np.eye(6), corners=9, matches=9, inliers=9, parallax_px=1.0, observed_px=corners, predicted_px=corners,
+            covariance=np.eye(6), corners=9, matches=9, inliers=9, parallax_px=1.0,
+            observed_px=corners, predicted_px=corners,
         )  # fmt: skip
         verdict = Verdict(
             frame=view.number, stamp_ns=view.frame.stamp_ns, status=Status.CONSISTENT, latency_ms=1.0,
