@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 from belie.geometry import FloatArray
 from belie.types import Settings
 
+_STORED = 1.02  # of a threshold
 _OVERSHOOT = 1.166  # mean overshoot of a Gaussian walk over both boundaries, in sigma (Siegmund)
 
 
@@ -151,9 +152,9 @@ class CusumBank:
         clipped = np.clip(x, -s.clip_sigma, s.clip_sigma)
         signed = np.stack([clipped, -clipped], axis=1)[:, :, None]
         self._since_ns[self._sums == 0.0] = stamp_ns
-        # No more than twice the threshold is stored: a contradiction must be able to end.
+        # Little more than the threshold is stored: a contradiction must be able to end.
         grown = self._sums + signed * self._shifts - 0.5 * self._shifts**2
-        self._sums = np.clip(grown, 0.0, 0.0 if jumps_only else 2.0 * self._thresholds)
+        self._sums = np.clip(grown, 0.0, 0.0 if jumps_only else _STORED * self._thresholds)
         ratio = self._sums / self._thresholds
         i, side, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
         worst = float(ratio[i, side, j])
@@ -161,6 +162,9 @@ class CusumBank:
         over = is_jump or worst > 1.0
         if over:
             self._last_over_ns = stamp_ns
+        if self._last_over_ns is not None and stamp_ns - self._last_over_ns >= s.release_s * 1e9:
+            self._sums[:] = 0.0  # the lie is over: the next one starts from nothing
+            self._last_over_ns = None
         held = self._last_over_ns is not None and stamp_ns - self._last_over_ns < s.release_s * 1e9
         if is_jump and worst <= 1.0:
             return Evidence(

@@ -21,7 +21,8 @@ import numpy.typing as npt
 
 from belie.geometry import SE3, FloatArray, compiled
 
-_OUTER_ITERATIONS = 6
+_OUTER_ITERATIONS = 8
+_WIDE = 512.0  # times the kernel: 68 sigma, 7 px for corners tracked to 0.1 px
 _INNER_ITERATIONS = 5
 _NEAR = 1e-3  # smallest Z_cur / Z_prev that is still in front of the camera
 _KERNEL_CHI2 = 9.0  # the kernel's half-way point: a 3-sigma error
@@ -106,7 +107,7 @@ def _exp_so3(w: Any, R: Any) -> None:
 @compiled()
 def _accumulate(
     prev: Any, cur: Any, rho0: Any, var0: Any, shared: Any, rho: Any, slope: Any, R: Any, t: Any,
-    variance: float, H: Any, g: Any,
+    variance: float, kernel: float, H: Any, g: Any,
 ) -> Any:  # fmt: skip
     """One pass over the points: normal equations H, g of the pose; returns the robust cost.
 
@@ -134,7 +135,7 @@ def _accumulate(
         wu = (eu - su * along) / variance  # whitened twice: W e
         wv = (ev - sv * along) / variance
         e2 = eu * wu + ev * wv
-        k = _KERNEL_CHI2 / (_KERNEL_CHI2 + e2)
+        k = kernel / (kernel + e2)
         cost += e2 * k
         w = k * k
         # d(u, v) / d(translation, rotation) under exp(xi) T, for the point scaled by its inverse depth
@@ -216,11 +217,22 @@ def _levenberg_marquardt(
     dR = np.empty((3, 3))
     R_new = np.empty((3, 3))
     t_new = np.empty(3)
+    first = True
+    kernel = _KERNEL_CHI2
     for _outer in range(_OUTER_ITERATIONS):
         # The covariance of each point is held while the pose moves: were it part of the cost, a longer
         # translation would make every error look more likely, and the scale would creep upwards.
         _update_depths(prev, cur, rho0, var0, R, t, variance, rho, rho_var, slope, chi2)
-        cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R, t, variance, H, g)
+        if first:
+            # Far from the minimum most points look like outliers: begin with a wide kernel, narrow it step by step.
+            agreeing = 0
+            for i in range(n):
+                agreeing += chi2[i] < _KERNEL_CHI2
+            kernel = _KERNEL_CHI2 if 2 * agreeing > n else _WIDE * _KERNEL_CHI2
+            first = False
+        else:
+            kernel = max(kernel / 8.0, _KERNEL_CHI2)
+        cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R, t, variance, kernel, H, g)
         damping = 1e-5
         length = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
         moved = 0.0
@@ -251,7 +263,9 @@ def _levenberg_marquardt(
                 norm = np.sqrt(t_new[0] ** 2 + t_new[1] ** 2 + t_new[2] ** 2)
                 for a in range(3):
                     t_new[a] *= length / norm
-            new_cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R_new, t_new, variance, A, step)
+            new_cost = _accumulate(
+                prev, cur, rho0, var0, shared, rho, slope, R_new, t_new, variance, kernel, A, step
+            )
             if new_cost < cost:
                 gain = (cost - new_cost) / (cost + 1e-12)
                 R[:] = R_new
@@ -267,7 +281,7 @@ def _levenberg_marquardt(
                 damping = max(damping * 10.0, 1e-4)
                 if damping > 1e4:
                     break
-        if moved < 1e-14 * (1.0 + length * length):
+        if kernel <= _KERNEL_CHI2 and moved < 1e-14 * (1.0 + length * length):
             break
     _update_depths(prev, cur, rho0, var0, R, t, variance, rho, rho_var, slope, chi2)
     for a in range(6):

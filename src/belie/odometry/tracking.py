@@ -218,7 +218,8 @@ def _track_level(
             if not inside:
                 break
             energy -= total * total / area
-            ncc = cross / np.sqrt(energy * power + np.float32(1e-6))
+            # less than one gray level of contrast is the quantiser's noise: it correlates with anything
+            ncc = cross / np.sqrt(energy * power) if energy > area else zero
             gain = np.sqrt(power / (energy + np.float32(1e-6)))
             gain = min(max(gain, np.float32(0.4)), np.float32(2.5))
             ex = gain * bx - tx

@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+
+from belie.checks import ImuCheck, OdometryCheck
+from belie.geometry import SE3
+from belie.types import Status, VisualEstimate
+
+STEP = SE3.exp([0.02, 0.0, 0.8, 0.0, 0.004, 0.0])
+COVARIANCE = np.diag([0.002, 0.002, 0.004, 1e-4, 1e-4, 1e-4]) ** 2
+
+
+def estimate(i, T=STEP, unit=0.25, rng=None, **changes):
+    noisy = T if rng is None else T @ SE3.exp(rng.normal(size=6) * np.sqrt(np.diag(COVARIANCE)))
+    values = {
+        "stamp_ns": i * 10**8, "previous_stamp_ns": (i - 1) * 10**8, "T_prev_cur": SE3(noisy.R, noisy.t * unit),
+        "covariance": COVARIANCE * np.outer([unit] * 3 + [1] * 3, [unit] * 3 + [1] * 3),
+        "corners": 400, "matches": 400, "inliers": 380, "parallax_px": 9.0,
+    }  # fmt: skip
+    return VisualEstimate(**(values | changes))
+
+
+def run(check, lie, frames=30, start=60):
+    rng = np.random.default_rng(0)
+    statuses = []
+    for i in range(1, start + frames):
+        T = STEP if i < start else lie(i - start + 1)
+        statuses.append(check.update(estimate(i, rng=rng), T).status)
+    return statuses[: start - 1], statuses[start - 1 :]
+
+
+def odometry():
+    return OdometryCheck("/odom", "odometry", tests=4)
+
+
+LIES = {
+    "sideways": lambda k: SE3(STEP.R, STEP.t + (0.2, 0.0, 0.0)),
+    "slowly sideways": lambda k: SE3(STEP.R, STEP.t + (0.05, 0.0, 0.0)),
+    "scale": lambda k: SE3(STEP.R, 1.2 * STEP.t),
+    "frozen": lambda k: SE3.identity(),
+    "backwards": lambda k: STEP.inverse(),
+    "yaw": lambda k: STEP @ SE3.exp([0, 0, 0, 0, np.radians(0.2), 0]),
+}
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_lies_are_found_and_honest_frames_are_not_accused(name):
+    before, after = run(odometry(), LIES[name])
+    assert Status.CONTRADICTED not in before
+    assert before[-1] is Status.CONSISTENT
+    assert after.index(Status.CONTRADICTED) < 10
+
+
+def test_a_constant_scale_from_the_start_cannot_be_seen():
+    """The absolute scale of one camera is not observable; the verdict says whose scale it used."""
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 60):
+        result = check.update(estimate(i, rng=rng), SE3(STEP.R, 1.5 * STEP.t))
+    assert result.status is Status.CONSISTENT
+    assert "scale" in result.reason
+    assert check.metres_per_unit == pytest.approx(1.5 / 0.25, rel=0.05)
+
+
+def test_camera_that_sits_askew_is_no_lie():
+    askew = SE3.exp([0.05, 0.0, 0.02, 0.02, 0.03, -0.02])
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 150):
+        turn = SE3.exp([0.02, 0.0, 0.8, 0.0, 0.03 * np.sin(i / 8), 0.0])
+        result = check.update(estimate(i, T=turn, rng=rng), askew @ turn @ askew.inverse())
+        assert result.status is not Status.CONTRADICTED, i
+    assert result.status is Status.CONSISTENT
+
+
+def test_no_baseline_checks_rotation_only():
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 40):
+        seen = estimate(i, T=SE3.identity(), rng=rng, reason="no baseline yet")
+        result = check.update(seen, SE3.identity())
+    assert result.status is Status.UNDECIDED
+    assert "baseline" in result.reason
+    for i in range(40, 50):
+        seen = estimate(i, T=SE3.identity(), rng=rng, reason="no baseline yet")
+        result = check.update(seen, SE3.exp([0, 0, 0, 0, np.radians(0.5), 0]))
+    assert result.status is Status.CONTRADICTED
+
+
+def test_blind_camera_and_missing_claim_are_undecided():
+    check = odometry()
+    assert check.update(estimate(1, inliers=0, reason="dark: mean gray value 3"), STEP).reason.startswith(
+        "dark"
+    )
+    assert check.update(estimate(2), None).status is Status.UNDECIDED
+
+
+def test_imu_bias_at_power_on_is_no_lie_but_its_change_is():
+    check, rng = ImuCheck("/imu", tests=4), np.random.default_rng(0)
+    bias = np.radians([0.3, -0.4, 0.2])
+    rotation = SE3.exp([0, 0, 0, 0.0, 0.004, 0.0]).R
+
+    def claimed(rate):
+        return rotation @ SE3.exp([0, 0, 0, *(rate * 0.1)]).R
+
+    for i in range(1, 100):
+        result = check.update(estimate(i, rng=rng), claimed(bias))
+        assert result.status is not Status.CONTRADICTED
+    assert result.status is Status.CONSISTENT
+    statuses = [
+        check.update(estimate(i, rng=rng), claimed(bias + np.radians([0, 0.5, 0]))).status
+        for i in range(100, 115)
+    ]
+    assert Status.CONTRADICTED in statuses[:10]
