@@ -74,6 +74,11 @@ class ClaimBuffer(Generic[_Claim]):
         i = max(0, bisect_right(self._claims, start_ns, key=_by_stamp) - 1)
         return self._claims[i : bisect_right(self._claims, stop_ns, key=_by_stamp)]
 
+    def after(self, stamp_ns: int) -> _Claim | None:
+        """The first message later than `stamp_ns`, or None."""
+        i = bisect_right(self._claims, stamp_ns, key=_by_stamp)
+        return self._claims[i] if i < len(self._claims) else None
+
 
 class StampedPose(Protocol):
     """Anything with a stamp and a pose."""
@@ -117,29 +122,26 @@ def motion_between(
     (0.1, None)
     """
     samples = buffer.between(start_ns, stop_ns)
-    if len(samples) < 1 or samples[0].stamp_ns > start_ns:
+    following = buffer.after(stop_ns)
+    used = samples if following is None else [*samples, following]
+    periods = np.diff([sample.stamp_ns for sample in used])
+    if not samples or samples[0].stamp_ns > start_ns or not len(periods) or periods.max() > _LONGEST_GAP_NS:
         return None
-    stamps = [s.stamp_ns for s in samples]
-    periods = np.diff(stamps)
-    longest = 1.5 * float(np.median(periods)) if len(periods) else float(_LONGEST_GAP_NS)
-    if len(periods) and (periods.max() > _LONGEST_GAP_NS or stop_ns - stamps[-1] > max(longest, 1.0)):
-        return None
-    if not len(periods) and stop_ns - stamps[-1] > _LONGEST_GAP_NS:
+    if following is None and stop_ns - samples[-1].stamp_ns > 1.5 * float(np.median(periods)):
         return None
     if any(s.angular_rad_s is None for s in samples):
         return None
-    after = buffer.around(stop_ns)
     R, t, has_velocity = np.eye(3), np.zeros(3), all(s.linear_m_s is not None for s in samples)
     for i, sample in enumerate(samples):
         begin = max(sample.stamp_ns, start_ns)
         end = samples[i + 1].stamp_ns if i + 1 < len(samples) else stop_ns
-        following = samples[i + 1] if i + 1 < len(samples) else after[1] if after else sample
+        neighbour = used[i + 1] if i + 1 < len(used) else sample
         step_s = (min(end, stop_ns) - begin) * 1e-9
         if step_s <= 0.0:
             continue
-        omega = _mean(sample, following, "angular_rad_s", begin, min(end, stop_ns))
+        omega = _mean(sample, neighbour, "angular_rad_s", begin, min(end, stop_ns))
         if has_velocity:
-            velocity = _mean(sample, following, "linear_m_s", begin, min(end, stop_ns))
+            velocity = _mean(sample, neighbour, "linear_m_s", begin, min(end, stop_ns))
             t = t + R @ so3_exp(0.5 * step_s * omega) @ velocity * step_s
         R = R @ so3_exp(step_s * omega)
     return R, (t if has_velocity else None)

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from belie import attacks
+from belie.detector import Config, Detector
+from belie.geometry import SE3, CameraModel
+from belie.recordings import open_recording
+from belie.types import CalibrationError, Frame, MountedCamera, PoseClaim, Status
+
+MODEL = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
+CAMERAS = {"/image": MountedCamera(model=MODEL, T_body_cam=SE3.identity())}
+
+
+def frame(i, image=None):
+    gray = np.full((120, 160), 90, np.uint8) if image is None else image
+    return Frame(camera="/image", stamp_ns=i * 10**8, received_ns=0, image=gray)
+
+
+def watch(recording, config=None, stop=None):
+    detector = Detector(recording.cameras, config)
+    verdicts = []
+    for i, step in enumerate(recording.steps()):
+        verdicts.append(detector.update(step.frame, step.claims))
+        if stop is not None and i + 1 >= stop:
+            break
+    return verdicts
+
+
+def alerts(verdicts):
+    return [(v.frame, a.type.value, a.source) for v in verdicts for a in v.alerts]
+
+
+@pytest.fixture(scope="module")
+def kitti00(data_dir):
+    return open_recording(data_dir / "kitti00", position="poses")
+
+
+@pytest.mark.parametrize("profile", ["default", "paper"])
+def test_blank_images_are_undecided_with_the_reason(profile):
+    detector = Detector(CAMERAS, Config(profile=profile))
+    claim = PoseClaim(source="/odom", frame_id="o", stamp_ns=0, received_ns=0, T_odom_body=SE3.identity())
+    for i in range(3):
+        verdict = detector.update(frame(i), [claim] if i == 0 else [])
+        assert verdict.status is Status.UNDECIDED
+        assert all(check.reason for check in verdict.checks)
+
+
+def test_misuse_is_refused():
+    detector = Detector(CAMERAS)
+    detector.update(frame(1), [])
+    with pytest.raises(ValueError, match="not later"):
+        detector.update(frame(1), [])
+    with pytest.raises(CalibrationError, match="80x60"):
+        detector.update(frame(2, np.zeros((60, 80), np.uint8)), [])
+    with pytest.raises(ValueError, match="one camera"):
+        Detector({})
+
+
+def test_clean_drive_raises_no_alert(kitti00):
+    verdicts = watch(kitti00)
+    assert alerts(verdicts) == []
+    statuses = [v.status for v in verdicts[40:]]
+    assert statuses.count(Status.CONSISTENT) > 0.9 * len(statuses)
+    assert all(c.floor for v in verdicts[40:] for c in v.checks if c.check in ("odometry", "position"))
+
+
+@pytest.mark.parametrize(
+    ("spec", "alert", "within"),
+    [
+        ("paper-odometry", ("odometry_spoofing", "/odom"), 3),
+        ("paper-position", ("position_spoofing", "/position"), 3),
+        ("odometry-freeze:start=100", ("odometry_spoofing", "/odom"), 10),
+        ("position-offset:magnitude=2,axis=left,start=100", ("position_spoofing", "/position"), 3),
+        ("camera-freeze:start=100", ("camera_fault", "/image_0"), 3),
+        ("camera-replay:delay=40,start=100", ("camera_fault", "/image_0"), 3),
+    ],
+)
+def test_attacks_are_found_and_attributed(kitti00, spec, alert, within):
+    found = alerts(watch(attacks.attack(kitti00, spec), stop=112))
+    assert found, "no alert at all"
+    first = found[0]
+    assert first[1:] == alert
+    assert 100 <= first[0] < 100 + within
+    assert {a[1:] for a in found} == {alert}, "nobody else is accused"
+
+
+def test_paper_profile_runs_on_a_real_drive(kitti00):
+    verdicts = watch(kitti00, Config(profile="paper"), stop=60)
+    assert all(v.latency_ms > 0 for v in verdicts)
+    tested = [c for v in verdicts[5:] for c in v.checks if c.check == "odometry"]
+    assert {c.unit for c in tested} == {"px2"}
+    assert {c.threshold for c in tested} == {40.0}
+    assert np.median([c.statistic for c in tested]) < 40.0
