@@ -37,10 +37,11 @@ from belie.types import CheckResult, PositionClaim, Status
 
 __all__ = ["PositionCheck", "PositionSettings"]
 
-_AXES = ("x", "y", "z", "x + y", "x - y")
-# A lie along no axis would show only 0.7 of itself; with the diagonals it is 0.92.
-_DIRECTIONS = np.array(
-    [[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5**0.5, 0.5**0.5, 0], [0.5**0.5, -(0.5**0.5), 0]]
+_AXES = ("x", "y", "z", "x + y", "x - y", "y + z", "y - z", "x + z", "x - z")
+_HALF = 0.5**0.5
+# A lie along no axis would show only 0.7 of itself; with the diagonals it is 0.9.
+_DIRECTIONS = np.concatenate(
+    [np.eye(3), _HALF * np.array([[1, 1, 0], [1, -1, 0], [0, 1, 1], [0, 1, -1], [1, 0, 1], [1, 0, -1]])]
 )
 _NEVER_TOLD_M = 1e3
 _FLOOR_CLAIMS = (10, 30, 100)

@@ -72,9 +72,9 @@ class PositionNoise:
         """Intensity w of the slow part, m per sqrt(s), shape (3,)."""
         short = np.array([scale.value for scale in self._short]) ** 2
         long = np.array([scale.value for scale in self._long]) ** 2
-        # One standard error of fast noise is no evidence of wander: it would cost power for nothing.
+        # Two standard errors of fast noise are no evidence of wander: it would cost power for nothing.
         count = max(self._long[0].count, 1)
-        doubt = _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short
+        doubt = 2.0 * _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short
         # Overlapping differences of a slow process say little new, so what was seen may be small by chance.
         caution = 1.0 + _QUANTILE_ERROR / np.sqrt(max(count / self._lag_claims, 1.0))
         seen = 2.0 * np.maximum(long - short - doubt, 0.0) * caution / self._lag_difference_s

@@ -45,7 +45,10 @@ class PositionSettings(Settings):
         0.005, ge=0.0, description="wander between position and odometry at standstill [m per sqrt(s)]"
     )
     heading_walk_deg: float = Field(
-        0.05, ge=0.0, description="random walk of the odometry's attitude, each axis [deg per sqrt(m)]"
+        0.02,
+        ge=0.0,
+        description="random walk of the odometry's attitude, each axis [deg per sqrt(m)]; what a camera "
+        "vouches for is 0.02 deg a frame",
     )
     scale_sigma: float = Field(0.02, ge=0.0, description="relative error of the odometry's scale [1]")
     scale_walk: float = Field(0.0005, ge=0.0, description="how that error wanders [relative, per sqrt(m)]")

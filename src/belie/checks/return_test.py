@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from belie.checks.sequential import Evidence
 from belie.geometry import FloatArray
 
-_GATE = float(chi2.isf(0.003, 3))
+_GATE = float(chi2.isf(0.01, 3))
 _FEWEST = 3
 
 

@@ -59,21 +59,21 @@ class RunningScale:
     @property
     def value(self) -> float:
         """The scale; the prior until enough is known."""
-        if self.missing > 0:
-            return self._prior
-        return max(self._sizes[min(int(_ONE_SIGMA * len(self._sizes)), len(self._sizes) - 1)], self._least)
+        return self._prior if self.missing > 0 else max(self._quantile(), self._least)
 
     @property
     def correlation(self) -> float:
         """Positive lag-one correlation, from signs: ``E[sign x_t sign x_t-1] = 2/π asin φ`` for a Gaussian.
 
-        Shrunk by its standard error and at most 0.9. A negative one only makes false alarms rarer: 0 then.
+        Relative to the variance that is assumed (a small correlated part of a large one does no harm), shrunk
+        by its standard error and at most 0.9. A negative one only makes false alarms rarer: 0 then.
         """
         n = len(self._seen)
         if n < 8 or self.missing > 0:
             return 0.0
-        phi = math.sin(0.5 * math.pi * self._agreements / (n - 1))
-        return min(max(phi - 1.0 / math.sqrt(n), 0.0), 0.9)
+        phi = math.sin(0.5 * math.pi * self._agreements / (n - 1)) - 0.5 * math.pi / math.sqrt(n)
+        share = min(self._quantile() / self.value, 1.0)
+        return min(max(phi, 0.0), 0.9) * share**2
 
     def learn(self, x: float) -> None:
         """Take in a believed value."""
@@ -89,6 +89,9 @@ class RunningScale:
             old = self._seen.popleft()
             self._agreements -= _agreement(old, self._seen[0])
             del self._sizes[bisect_left(self._sizes, abs(old))]
+
+    def _quantile(self) -> float:
+        return self._sizes[min(int(_ONE_SIGMA * len(self._sizes)), len(self._sizes) - 1)]
 
     def drop_waiting(self) -> None:
         """Forget what has not counted yet: it was contradicted."""
