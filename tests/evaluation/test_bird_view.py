@@ -8,9 +8,9 @@ from belie.evaluation.bird_view import bird_view
 
 def test_positions_are_turned_onto_the_seen_path(made_run):
     view = bird_view(made_run(60))
-    ((source, points),) = view.positions
-    assert source == "/gnss"
-    assert points[::10] == pytest.approx(view.seen[::10], abs=1e-6)
+    (placed,) = view.positions
+    assert placed.source == "/gnss"
+    assert placed.points[::10] == pytest.approx(view.seen[::10], abs=1e-6)
     assert not view.in_alert.any()
 
 

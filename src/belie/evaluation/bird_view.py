@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,19 @@ import numpy.typing as npt
 
 from belie.evaluation.run import Run
 from belie.evaluation.trace import PositionTrace
+from belie.evaluation.traced_alert import TracedAlert
 from belie.geometry import FloatArray
+from belie.types import AlertType
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlacedPositions:
+    """Position claims of one source on the ground: stamps (K,), metres (K, 2), and which lie in an alert."""
+
+    source: str
+    stamps_ns: npt.NDArray[np.int64]
+    points: FloatArray
+    in_alert: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,10 +34,10 @@ class BirdView:
     claimed, seen : array (N, 2)
         The camera, as claimed and as seen.
     in_alert : array (N,), bool
-        Frames between the onset and the end of an alert.
+        Frames between the onset and the end of an alert on anything but a position.
     apart_m : array (N,)
         Distance between claimed and seen position, height included.
-    positions : tuple of (source, array (K, 2))
+    positions : tuple of PlacedPositions
         Position claims.
     across_name, ahead_name : str
         Names of the two axes.
@@ -34,7 +47,7 @@ class BirdView:
     seen: FloatArray
     in_alert: npt.NDArray[np.bool_]
     apart_m: FloatArray
-    positions: tuple[tuple[str, FloatArray], ...]
+    positions: tuple[PlacedPositions, ...]
     across_name: str
     ahead_name: str
 
@@ -46,17 +59,17 @@ def bird_view(run: Run) -> BirdView | None:
         return None
     optical = run.body_axes == "rdf"
     claimed, seen = _ground(trace.claimed_m, optical), _ground(trace.seen_m, optical)
-    in_alert = np.zeros(len(trace), dtype=bool)
-    for traced in run.alerts:
-        start_ns = min(traced.raised.alert.onset_ns, traced.raised.stamp_ns)
-        in_alert |= (trace.stamps_ns >= start_ns) & (trace.stamps_ns <= traced.end_ns)
+    on_motion = [t for t in run.alerts if t.raised.alert.type is not AlertType.POSITION_SPOOFING]
+    in_alert, doubtful = _within(on_motion, trace.stamps_ns), _within(run.alerts, trace.stamps_ns)
     positions = []
     for position in trace.positions:
         shares_frame = bool(position.frame_id) and position.frame_id == trace.odometry_frame_id
         points = _ground(position.position_m, optical and shares_frame)
-        placed = points if shares_frame else _placed(points, position, run, seen, in_alert)
+        placed = points if shares_frame else _placed(points, position, run, seen, doubtful)
         if placed is not None:
-            positions.append((position.source, placed))
+            source, stamps_ns = position.source, position.stamps_ns
+            hot = _within([t for t in run.alerts if t.raised.alert.source == source], stamps_ns)
+            positions.append(PlacedPositions(source=source, stamps_ns=stamps_ns, points=placed, in_alert=hot))
     return BirdView(
         claimed=claimed,
         seen=seen,
@@ -66,6 +79,15 @@ def bird_view(run: Run) -> BirdView | None:
         across_name="to the right at the start" if optical else "x of the odometry",
         ahead_name="ahead at the start" if optical else "y of the odometry",
     )
+
+
+def _within(alerts: Iterable[TracedAlert], stamps_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Which stamps lie between the onset and the end of some alert."""
+    found = np.zeros(len(stamps_ns), dtype=bool)
+    for traced in alerts:
+        start_ns = min(traced.raised.alert.onset_ns, traced.raised.stamp_ns)
+        found |= (stamps_ns >= start_ns) & (stamps_ns <= traced.end_ns)
+    return found
 
 
 def _ground(position_m: FloatArray, optical: bool) -> FloatArray:

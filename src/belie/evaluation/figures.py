@@ -26,6 +26,13 @@ CLAIMED, SEEN, ALERT, POSITION, LABEL, QUIET = (
 )
 _MOST_POINTS = 1500
 _MOST_POSITIONS = 60
+_POSITION_STYLE = {
+    "marker": "o",
+    "markersize": 3.2,
+    "markerfacecolor": "white",
+    "markeredgewidth": 0.8,
+    "linestyle": "",
+}
 _ZOOM_NS = 1_500_000_000
 _STYLE = {
     "svg.fonttype": "none",
@@ -114,7 +121,7 @@ def trajectory_figure(run: Run) -> str:
         panels = figure.subplots(1, 2 if window is None else 3)
         _draw_above(panels[0], view)
         if window is not None:
-            _draw_zoomed(panels[1], view, window)
+            _draw_zoomed(panels[1], run, view, window)
         _draw_apart(panels[-1], run, view)
 
     return _svg(draw, (9.0, 4.2 if window is None else 3.7), "trajectory")
@@ -131,7 +138,7 @@ def zoom_window(run: Run) -> slice | None:
     return slice(int(start), int(stop)) if 2 <= stop - start <= 0.5 * len(run.trace) else None
 
 
-def _draw_zoomed(axes: Any, view: BirdView, window: slice) -> None:
+def _draw_zoomed(axes: Any, run: Run, view: BirdView, window: slice) -> None:
     claimed, seen, hot = view.claimed[window], view.seen[window], view.in_alert[window]
     known = np.isfinite(claimed).all(axis=1) & np.isfinite(seen).all(axis=1)
     if known.any():
@@ -140,6 +147,11 @@ def _draw_zoomed(axes: Any, view: BirdView, window: slice) -> None:
     axes.plot(*seen.T, color=SEEN, linewidth=2.0, marker=".", markersize=4)
     axes.plot(*claimed.T, color=CLAIMED, linewidth=1.2, marker=".", markersize=4)
     axes.plot(*claimed[hot].T, color=ALERT, linestyle="", marker="o", markersize=4)
+    first_ns, last_ns = run.trace.stamps_ns[window][[0, -1]]
+    for placed in view.positions:
+        inside = (placed.stamps_ns >= first_ns) & (placed.stamps_ns <= last_ns)
+        for color, chosen in ((POSITION, inside & ~placed.in_alert), (ALERT, inside & placed.in_alert)):
+            axes.plot(*placed.points[chosen].T, color=color, **_POSITION_STYLE)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"{view.across_name} [m]")
     axes.set_title("around the first alert", loc="left", fontsize=9.5)
@@ -152,11 +164,11 @@ def _draw_above(axes: Any, view: BirdView) -> None:
     if view.in_alert.any():
         hot = np.where(view.in_alert[:, None], view.claimed, np.nan)
         axes.plot(*hot.T, color=ALERT, linewidth=2.6, label="claimed during an alert", solid_capstyle="round")
-    for source, points in view.positions:
-        step = max(1, len(points) // _MOST_POSITIONS)
-        style = {"marker": "o", "markersize": 3.2, "markerfacecolor": "white", "markeredgewidth": 0.8}
-        label = f"position claimed by {source}"
-        axes.plot(*points[::step].T, color=POSITION, linestyle="", label=label, **style)
+    for placed in view.positions:
+        step = max(1, len(placed.points) // _MOST_POSITIONS)
+        label = f"position claimed by {placed.source}"
+        axes.plot(*placed.points[::step].T, color=POSITION, label=label, **_POSITION_STYLE)
+        axes.plot(*placed.points[placed.in_alert].T, color=ALERT, **_POSITION_STYLE)
     known = view.claimed[np.isfinite(view.claimed).all(axis=1)]
     axes.plot(*known[0], marker="o", color="#222222", markersize=4, linestyle="")
     axes.annotate("start", known[0], textcoords="offset points", xytext=(5, 4), fontsize=8, color="#444444")
