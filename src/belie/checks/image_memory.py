@@ -9,10 +9,12 @@ leaves 0.01 to 0.11 of such a step, while the nearest honest image of real drive
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from belie.checks.image_signature import FloatCells, ImageSignature, pattern_distance
+from belie.geometry import compiled
 
 _PROJECTED = (
     96  # dimensions of the sketch that is searched; keeps distances to about 7 % (Johnson-Lindenstrauss)
@@ -83,7 +85,6 @@ class NearMemory:
         self._sketcher: FloatCells | None = None
         self._patterns = np.empty((capacity, 0), dtype=np.float32)
         self._sketches = np.empty((capacity, _PROJECTED), dtype=np.float32)
-        self._lengths2 = np.empty(capacity, dtype=np.float32)  # of the sketches, squared
         self._steps = np.empty(capacity)  # distance to the image before; infinite where that was not added
         self._stamps_ns = np.empty(capacity, dtype=np.int64)
         self._paths_px = np.empty(capacity)
@@ -101,8 +102,7 @@ class NearMemory:
             self._patterns = np.empty((len(self._patterns), len(pattern)), dtype=np.float32)
         follows = index == self._last_index + 1
         self._steps[slot] = pattern_distance(pattern, self._patterns[before]) if follows else np.inf
-        self._patterns[slot], self._sketches[slot] = pattern, self._sketcher @ pattern
-        self._lengths2[slot] = self._sketches[slot] @ self._sketches[slot]
+        self._patterns[slot], self._sketches[slot] = pattern, _times(self._sketcher, pattern)
         self._stamps_ns[slot], self._paths_px[slot] = stamp_ns, path_px
         self._last_index, self._count = index, self._count + 1
 
@@ -110,17 +110,13 @@ class NearMemory:
         """The old image that is shown again, unless the image before it was shown again before it, too."""
         if self._sketcher is None:
             return None
-        numbers = self._searched(stamp_ns)
-        if len(numbers) == 0:
-            return None
-        slots = numbers % len(self._sketches)
-        sketch = self._sketcher @ signature.pattern
-        filled = min(self._count, len(self._sketches))
-        distance2 = (self._lengths2[:filled] - 2.0 * (self._sketches[:filled] @ sketch))[
-            slots
-        ]  # less |sketch|²
-        best = np.argpartition(distance2, min(_VERIFIED, len(distance2)) - 1)[:_VERIFIED]
-        for number in numbers[best].tolist():
+        first = max(1, self._count - len(self._sketches) + 1)
+        sketch = _times(self._sketcher, signature.pattern)
+        last = self._count - self._least_lag
+        oldest_ns = stamp_ns - self._span_ns
+        for number in _nearest(self._sketches, sketch, self._stamps_ns, oldest_ns, first, last).tolist():
+            if number < 0:
+                break
             ratio = self._ratio(signature, number)
             if ratio < self._match_ratio and self._entered(before, number):
                 return self._old(number)
@@ -140,11 +136,6 @@ class NearMemory:
     def _old(self, number: int) -> OldImage:
         return OldImage(index=number, path_px=float(self._paths_px[self._slot(number)]))
 
-    def _searched(self, stamp_ns: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        oldest = max(1, self._count - len(self._sketches) + 1)
-        numbers = np.arange(oldest, max(oldest, self._count - self._least_lag + 1))
-        return numbers[self._stamps_ns[numbers % len(self._sketches)] >= stamp_ns - self._span_ns]
-
     def _ratio(self, signature: ImageSignature, number: int) -> float:
         """Distance to an old image over the old sequence's step there; infinite where that is unknown."""
         steps = [float(self._steps[self._slot(n)]) for n in (number, number + 1) if n < self._count]
@@ -157,3 +148,44 @@ class NearMemory:
         """Whether the image before was off the old sequence: about a step from where it should have been."""
         old_before = self._patterns[self._slot(number - 1)]
         return pattern_distance(before.pattern, old_before) > 0.8 * float(self._steps[self._slot(number)])
+
+
+# BLAS would do, but starts threads for it: milliseconds where all cores are taken.
+
+
+@compiled(reassociate=True)
+def _times(matrix: Any, vector: Any) -> Any:
+    rows, columns = matrix.shape
+    product = np.empty(rows, dtype=np.float32)
+    for i in range(rows):
+        total = np.float32(0.0)
+        row = matrix[i]
+        for j in range(columns):
+            total += row[j] * vector[j]
+        product[i] = total
+    return product
+
+
+@compiled(reassociate=True)
+def _nearest(sketches: Any, sketch: Any, stamps_ns: Any, oldest_ns: int, first: int, last: int) -> Any:
+    """The numbers in first..last of the nearest sketches, nearest first; -1 where there are too few."""
+    capacity, columns = sketches.shape
+    numbers = np.full(_VERIFIED, -1, dtype=np.int64)
+    distances2 = np.full(_VERIFIED, np.float32(np.inf))
+    for number in range(first, last + 1):
+        slot = number % capacity
+        if stamps_ns[slot] < oldest_ns:
+            continue
+        row = sketches[slot]
+        total = np.float32(0.0)
+        for j in range(columns):
+            difference = row[j] - sketch[j]
+            total += difference * difference
+        place = _VERIFIED
+        while place > 0 and total < distances2[place - 1]:
+            place -= 1
+        for k in range(_VERIFIED - 1, place, -1):
+            distances2[k], numbers[k] = distances2[k - 1], numbers[k - 1]
+        if place < _VERIFIED:
+            distances2[place], numbers[place] = total, number
+    return numbers

@@ -7,10 +7,10 @@ quality 40 about 0.4. On real drives, the cells of consecutive frames differ by 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -19,8 +19,8 @@ from belie.types import GrayImage
 
 FloatCells = npt.NDArray[np.float32]
 _ROWS, _COLUMNS = 18, 32  # of cells: near square at 16:9
-_SAMPLED_ROWS = 135  # of the image at least, where it has them: 7 to a cell
-_SURROUND = 5  # side of the neighbourhood whose mean is taken off, cells
+_SAMPLED_ROWS = 90  # of the image at least, where it has them: 5 to a cell
+_REACH = 2  # of the neighbourhood whose mean is taken off, cells to each side
 _CHANGED_SHARE = 0.7  # a passing car or an uncovered rim may change the other 30 % of the cells
 
 
@@ -65,17 +65,13 @@ def image_signature(image: GrayImage) -> ImageSignature:
     whole = len(flat) // 8 * 8
     digest = _digest(flat[:whole].view(np.uint64), flat[whole:], sample.shape[1])
     cells = _cell_means(sample, _ROWS, _COLUMNS)
-    pattern = (cells - cv2.blur(cells, (_SURROUND, _SURROUND))).ravel()
-    pattern -= pattern.mean()
-    pattern /= max(float(np.linalg.norm(pattern)), 1e-3)
-    low, high = int(0.15 * cells.size), int(0.85 * cells.size)
-    ordered = np.partition(cells.ravel(), (low, high))
+    mean_gray, spread_gray = _mean_and_spread(cells)
     return ImageSignature(
         digest=int(digest),
         cells=cells,
-        pattern=pattern,
-        mean_gray=float(cells.mean()),
-        spread_gray=0.5 * float(ordered[high] - ordered[low]),
+        pattern=_pattern(cells),
+        mean_gray=mean_gray,
+        spread_gray=spread_gray,
     )
 
 
@@ -88,10 +84,7 @@ def change_gray(a: ImageSignature, b: ImageSignature) -> float:
     >>> change_gray(image_signature(wall), image_signature(wall + 20))
     0.0
     """
-    difference = (a.cells - b.cells).ravel()
-    middle, share = difference.size // 2, int(_CHANGED_SHARE * difference.size)
-    difference -= np.partition(difference, middle)[middle]
-    return float(np.partition(np.abs(difference), share)[share])
+    return float(_change(a.cells.ravel(), b.cells.ravel()))
 
 
 def pattern_distance(a: FloatCells, b: FloatCells) -> float:
@@ -102,7 +95,8 @@ def pattern_distance(a: FloatCells, b: FloatCells) -> float:
     >>> pattern_distance(np.array([1, 0], np.float32), np.array([-1, 0], np.float32))
     2.0
     """
-    return float(np.linalg.norm(a - b))
+    difference = a - b
+    return math.sqrt(float(difference @ difference))
 
 
 @compiled()
@@ -151,3 +145,30 @@ def _cell_means(sample: Any, rows: int, columns: int) -> Any:
                     total += np.uint32(value)
             cells[i, j] = np.float32(total) / np.float32((bottom - top) * (right - left))
     return cells
+
+
+@compiled()
+def _pattern(cells: Any) -> Any:
+    rows, columns = cells.shape
+    pattern = np.empty(rows * columns, dtype=np.float32)
+    for i in range(rows):
+        for j in range(columns):
+            around = cells[max(0, i - _REACH) : i + _REACH + 1, max(0, j - _REACH) : j + _REACH + 1]
+            pattern[i * columns + j] = cells[i, j] - around.mean()
+    pattern -= pattern.mean()
+    length = np.sqrt((pattern * pattern).sum())
+    return pattern / np.float32(max(length, 1e-3))
+
+
+@compiled()
+def _mean_and_spread(cells: Any) -> Any:
+    ordered = np.sort(cells.ravel())
+    low, high = int(0.15 * ordered.size), int(0.85 * ordered.size)
+    return float(cells.mean()), 0.5 * float(ordered[high] - ordered[low])
+
+
+@compiled()
+def _change(a: Any, b: Any) -> Any:
+    difference = a - b
+    middle = np.sort(difference)[difference.size // 2]
+    return np.sort(np.abs(difference - middle))[int(_CHANGED_SHARE * difference.size)]

@@ -134,8 +134,7 @@ class Stillness:
             return False
         self.repeated = image.digest == last.digest
         change_before, self._change = self._change, change_gray(image, last)
-        anchor = self.run.anchor if self.run is not None else last
-        if self.repeated or self._is_still(image, anchor):
+        if self.repeated or self._is_still(image):
             if self.run is None:
                 abrupt = change_before > 0.5 * self._usual_change()
                 self.run = Run(anchor=last, anchor_ns=last_ns, after_cut=self._cut, abrupt=abrupt)
@@ -146,11 +145,12 @@ class Stillness:
         self.run = None
         return False
 
-    def _is_still(self, image: ImageSignature, anchor: ImageSignature) -> bool:
+    def _is_still(self, image: ImageSignature) -> bool:
         usual = self._usual_change()
         if not self.settings.least_change_gray <= usual < np.inf:
             return False
-        return max(self._change, change_gray(image, anchor)) < self.settings.still_ratio * usual
+        most = self.settings.still_ratio * usual
+        return self._change < most and (self.run is None or change_gray(image, self.run.anchor) < most)
 
     def _usual_change(self) -> float:
         if len(self._moving) < _LEAST_KNOWN:
