@@ -33,8 +33,8 @@ def odometry():
 
 
 LIES = {
-    "sideways": lambda k: SE3(STEP.R, STEP.t + (0.2, 0.0, 0.0)),
-    "slowly sideways": lambda k: SE3(STEP.R, STEP.t + (0.05, 0.0, 0.0)),
+    "sideways": lambda k: SE3(STEP.R, STEP.t + np.array([0.2, 0.0, 0.0])),
+    "slowly sideways": lambda k: SE3(STEP.R, STEP.t + np.array([0.05, 0.0, 0.0])),
     "scale": lambda k: SE3(STEP.R, 1.2 * STEP.t),
     "frozen": lambda k: SE3.identity(),
     "backwards": lambda k: STEP.inverse(),

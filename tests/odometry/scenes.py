@@ -34,8 +34,8 @@ def render(T_world_cam: SE3, camera: CameraModel = CAMERA) -> np.ndarray:
     rays = rays @ T_world_cam.R.T
     nearest = np.full(u.shape, np.inf)
     image = np.full(u.shape, 20, np.uint8)
-    for (origin, a, b), picture in zip(_PLANES, _TEXTURES, strict=True):
-        o, a, b = np.array(origin), np.array(a), np.array(b)
+    for plane, picture in zip(_PLANES, _TEXTURES, strict=True):
+        o, a, b = (np.array(v) for v in plane)
         normal = np.cross(a, b)
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = ((o - T_world_cam.t) @ normal) / (rays @ normal)

@@ -6,8 +6,10 @@ from belie.geometry import SE3, so3_log
 from belie.odometry.relative_pose import estimate_relative_pose
 from belie.odometry.two_view import relative_pose_from_scratch, rotation_between
 
+TRUTH = SE3.exp([0.05, 0.0, -0.8, 0.002, 0.02, 0.001])
 
-def pairs(seed, n=300, noise=3e-4, outliers=0.0, truth=SE3.exp([0.05, 0.0, -0.8, 0.002, 0.02, 0.001])):
+
+def pairs(seed, n=300, noise=3e-4, outliers=0.0, truth=TRUTH):
     rng = np.random.default_rng(seed)
     points = np.column_stack([rng.uniform(-6, 6, (n, 2)), rng.uniform(4, 40, n)])
     moved = truth.apply(points)
@@ -28,7 +30,7 @@ def test_known_depths_give_the_full_motion(outliers):
 
 
 def test_unknown_depths_give_what_poselib_gives():
-    a, b, rho, truth = pairs(2, outliers=0.2)
+    a, b, rho, _ = pairs(2, outliers=0.2)
     typical = np.full(len(a), np.median(rho))
     start = SE3(np.eye(3), np.array([0.0, 0.0, -0.8]))
     pose = estimate_relative_pose(a, b, typical, (10 * typical) ** 2, start, sigma=3e-4, fix_length=True)

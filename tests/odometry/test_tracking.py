@@ -44,7 +44,7 @@ def test_exposure_does_not_matter(image):
 
 def test_what_is_not_there_is_not_verified(image):
     points = grid(image)
-    found, verified = track(
+    _, verified = track(
         build_pyramid(image, 3), build_pyramid(texture(99, 300), 3), points, points, TrackingSettings()
     )
     # smooth blobs resemble each other; the geometry must refuse the rest

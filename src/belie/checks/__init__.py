@@ -1,6 +1,7 @@
 """A claim and an estimate to a `CheckResult`; `sequential` adds results up over time."""
 
-from belie.checks.camera import CameraCheck, CameraSettings
+from belie.checks.camera import CameraCheck
+from belie.checks.camera_settings import CameraSettings
 from belie.checks.imu import ImuCheck, ImuSettings
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.odometry import OdometryCheck, OdometrySettings

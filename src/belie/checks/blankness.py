@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-
-import numpy as np
+from statistics import median
 
 from belie.checks.camera_settings import CameraSettings
 from belie.checks.image_signature import ImageSignature
@@ -28,6 +27,7 @@ class Blankness:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from belie.checks.image_signature import image_signature
     >>> scene = image_signature(np.tile(np.arange(128, dtype=np.uint8), (72, 1)))
     >>> black = image_signature(np.zeros((72, 128), np.uint8))
@@ -53,7 +53,7 @@ class Blankness:
         """Take in an image; True if it is blank."""
         s, spread = self._settings, image.spread_gray
         self._was_blank = self.run is not None
-        usual = float(np.median(self._spreads)) if len(self._spreads) >= _LEAST_KNOWN else 0.0
+        usual = float(median(self._spreads)) if len(self._spreads) >= _LEAST_KNOWN else 0.0
         gone = usual > s.blank_gray and spread < s.blank_ratio * usual
         if not gone and spread >= s.blank_gray:
             self.run = None

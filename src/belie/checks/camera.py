@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -145,7 +146,7 @@ class CameraCheck:
         """Whether the corners of the scene were lost at once."""
         if estimate is None:
             return False
-        usual = float(np.median(self._inliers)) if len(self._inliers) >= _LEAST_KNOWN else 0.0
+        usual = float(median(self._inliers)) if len(self._inliers) >= _LEAST_KNOWN else 0.0
         cut = estimate.inliers < self.settings.lost_ratio * usual
         if not cut and estimate.inliers > 0:
             self._inliers.append(estimate.inliers)

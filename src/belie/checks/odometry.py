@@ -167,7 +167,7 @@ class OdometryCheck:
     def _residual(
         self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, translates: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """r (6,), H (6, 8) and the noise (6, 6) of the comparison; see the module's formulas."""
+        """R (6,), H (6, 8) and the noise (6, 6) of the comparison; see the module's formulas."""
         s = self.settings
         R = estimate.T_prev_cur.R
         omega = so3_log(T_prev_cur.R)

@@ -209,6 +209,10 @@ class PositionCheck:
             return self._answer(
                 Status.UNDECIDED, f"learning the noise of this stream: {missing} more claims", floor
             )
+        jump_m = self._jump_floor_m()
+        if jump_m > self.settings.most_floor_m:
+            reason = f"the noise that this stream declares or shows hides every jump below {jump_m:.0f} m"
+            return self._answer(Status.UNDECIDED, reason, floor)
         apart_m = float(np.linalg.norm(r - H @ alignment.errors.mean))
         sigma_m = float(self._test.sigma[:3][self._heights.tested].max())
         reason = (
@@ -255,18 +259,22 @@ class PositionCheck:
             speed_m_s = float(np.linalg.norm(self._alignment.velocity_m_s))
             self._alignment.widen(speed_m_s * (stamp_ns - self._last[0]) * 1e-9)
 
+    def _jump_floor_m(self) -> float:
+        assert self._test is not None
+        return float(self._test.floor(3)[:3][self._heights.tested].max())
+
     def _floor(self, share: float) -> str:
         """Smallest jump that three claims show, and smallest drift; the filter takes in `share` a claim."""
         assert self._test is not None
         axes = self._heights.tested
-        jump_m = float(self._test.floor(3)[:3][axes].max())
         drifts = []
         for claims in _FLOOR_CLAIMS:
-            n = np.arange(1, claims + 1)
-            left = float(np.mean((1.0 - (1.0 - share) ** n) / share))
+            # mean over n = 1 .. claims of what n steps leave, (1 - (1 - k)^n) / k, as a geometric sum
+            kept = (1.0 - share) * (1.0 - (1.0 - share) ** claims) / share
+            left = (claims - kept) / (claims * share)
             drifts.append(float(self._test.floor(claims)[:3][axes].max()) / (left * self._interval_s))
         where = "" if axes[2] else " (horizontally)"
-        return f"{jump_m:.2g} m jump, {min(drifts):.2g} m/s drift{where}"
+        return f"{self._jump_floor_m():.2g} m jump, {min(drifts):.2g} m/s drift{where}"
 
     def _accusation(self, alignment: Alignment, claim: PositionClaim, e: Evidence) -> str:
         apart_m = alignment.residual(claim.position_m) - alignment.jacobian() @ alignment.errors.mean

@@ -85,3 +85,7 @@ class PositionSettings(Settings):
         description="claims that must be believed after one before it counts as noise [count]: a slow lie is "
         "tested against the noise from before it",
     )  # fmt: skip
+    most_floor_m: float = Field(
+        50.0, gt=0.0,
+        description="smallest detectable jump beyond which a position says too little to be called consistent [m]",
+    )  # fmt: skip

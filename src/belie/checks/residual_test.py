@@ -57,7 +57,11 @@ class ResidualTest:
     @property
     def missing_frames(self) -> int:
         """How many believed frames are missing before the noise is known; until then only jumps are caught."""
-        by_time = math.ceil((self._learning_s - self._learned_s) / self._interval_s - 1e-6) if self._interval_s else 0
+        by_time = (
+            math.ceil((self._learning_s - self._learned_s) / self._interval_s - 1e-6)
+            if self._interval_s
+            else 0
+        )
         return max(self._scale.missing_frames, by_time)
 
     def update(

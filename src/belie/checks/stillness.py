@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from statistics import median
 
 import numpy as np
 from pydantic import Field
@@ -155,7 +156,7 @@ class Stillness:
     def _usual_change(self) -> float:
         if len(self._moving) < _LEAST_KNOWN:
             return float("inf")
-        return float(np.median([change for change, _ in self._moving]))
+        return float(median([change for change, _ in self._moving]))
 
     def compare(
         self,
@@ -193,7 +194,7 @@ class Stillness:
             before = [flows[name] for _, flows in self._moving if name in flows]
             if len(before) < _LEAST_KNOWN:
                 return False
-            least = max(least, self.settings.going_on_ratio * float(np.median(before)))
+            least = max(least, self.settings.going_on_ratio * float(median(before)))
         return flow_px >= least
 
     @property

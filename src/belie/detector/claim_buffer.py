@@ -86,13 +86,18 @@ class StampedPose(Protocol):
     @property
     def stamp_ns(self) -> int:
         """Nanoseconds."""
+        ...
 
     @property
     def T_odom_body(self) -> SE3:
         """Maps body to odom coordinates."""
+        ...
 
 
-def pose_at(buffer: ClaimBuffer[StampedPose], stamp_ns: int) -> SE3 | None:
+_Pose = TypeVar("_Pose", bound=StampedPose)
+
+
+def pose_at(buffer: ClaimBuffer[_Pose], stamp_ns: int) -> SE3 | None:
     """``T_odom_body`` at `stamp_ns`, or None where the stream does not reach."""
     pair = buffer.around(stamp_ns)
     if pair is None:

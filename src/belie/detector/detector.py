@@ -11,7 +11,7 @@ from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.config import Config
 from belie.detector.default_profile import DefaultProfile
 from belie.detector.paper_profile import PaperProfile
-from belie.geometry import SE3, CameraModel
+from belie.geometry import SE3, CameraModel, DistortionModel
 from belie.types import (
     CalibrationError,
     Claim,
@@ -19,6 +19,7 @@ from belie.types import (
     MotionClaim,
     MountedCamera,
     PoseClaim,
+    PositionClaim,
     Status,
     Verdict,
     VisualEstimate,
@@ -142,31 +143,37 @@ def _overall(judgements: list[Judgement]) -> Status:
 
 def _warm_up(config: Config) -> None:
     """Run a short drive past a wall, so that every kernel is compiled before the first frame."""
-    model = CameraModel(width=320, height=240, fx=200, fy=200, cx=159.5, cy=119.5)
+    lenses: tuple[tuple[DistortionModel, tuple[float, ...]], ...] = (
+        ("pinhole", ()),
+        ("radial_tangential", (0.01, 0.0, 0.0, 0.0)),
+    )
     rng = np.random.default_rng(0)
     wall = np.kron(rng.integers(0, 256, (40, 60)), np.ones((8, 8))).astype(np.uint8)
-    for camera in (
-        model,
-        CameraModel(**_fields(model), model="radial_tangential", distortion=(0.01, 0.0, 0.0, 0.0)),
-    ):
-        profile = _profile("warm-up", MountedCamera(model=camera, T_body_cam=SE3.identity()), config)
+    for name, distortion in lenses:
+        model = CameraModel(
+            width=320, height=240, fx=200, fy=200, cx=159.5, cy=119.5, model=name, distortion=distortion
+        )
+        profile = _profile("", MountedCamera(model=model, T_body_cam=SE3.identity()), config)
         if isinstance(profile, PaperProfile):
             profile.odometry.warm_up()
         for i in range(6):
-            stamp_ns = i * 10**8
-            image = np.ascontiguousarray(wall[:240, 6 * i : 6 * i + 320])
-            step = SE3.from_translation([0.03 * 6 * i, 0.0, 0.0])
-            claims = [
+            ns = i * 10**8
+            T_odom_body = SE3.from_translation([0.18 * i, 0.0, 0.0])
+            claims: list[Claim] = [
                 PoseClaim(
-                    source="/odom", frame_id="odom", stamp_ns=stamp_ns, received_ns=0, T_odom_body=step
+                    source="/odom", frame_id="odom", T_odom_body=T_odom_body, stamp_ns=ns, received_ns=ns
                 ),
                 MotionClaim(
-                    source="/imu", kind="imu", stamp_ns=stamp_ns, received_ns=0, angular_rad_s=np.zeros(3)
+                    source="/imu", kind="imu", angular_rad_s=np.zeros(3), stamp_ns=ns, received_ns=ns
+                ),
+                PositionClaim(
+                    source="/fix",
+                    frame_id="odom",
+                    kind="gnss",
+                    position_m=T_odom_body.t,
+                    stamp_ns=ns,
+                    received_ns=ns,
                 ),
             ]
-            profile.update(Frame(camera="warm-up", stamp_ns=stamp_ns, received_ns=0, image=image), claims)
-
-
-def _fields(model: CameraModel) -> dict[str, float | int]:
-    names = ("width", "height", "fx", "fy", "cx", "cy")
-    return {name: getattr(model, name) for name in names}
+            image = np.ascontiguousarray(wall[:240, 6 * i : 6 * i + 320])
+            profile.update(Frame(camera="", image=image, stamp_ns=ns, received_ns=ns), claims)

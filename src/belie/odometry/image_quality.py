@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from belie.types import GrayImage
 
 _DARK_GRAY = 12.0  # mean gray value; below it a scene's shades drown in two gray levels of sensor noise
@@ -15,6 +13,7 @@ _SAMPLE_STRIDE = 8
 def why_nothing_is_seen(image: GrayImage, corners: int) -> str | None:
     """The reason why an image with so few corners tells nothing, or None where it has enough.
 
+    >>> import numpy as np
     >>> why_nothing_is_seen(np.full((48, 64), 128, np.uint8), 0)
     'blank: gray values vary by 0.0 only (blank wall, fog or a covered lens)'
     >>> why_nothing_is_seen(np.full((48, 64), 128, np.uint8), 100) is None

@@ -211,7 +211,7 @@ def _track_level(
         x = found[k, 0] * scale
         y = found[k, 1] * scale
         inside = False
-        ncc = 0.0
+        ncc: Any = zero
         for _ in range(iterations):
             total, energy, cross, bx, by = _correlate(current, x, y, mean, template, gx, gy)
             inside = energy >= 0.0
@@ -220,8 +220,8 @@ def _track_level(
             energy -= total * total / area
             # less than one gray level of contrast is the quantiser's noise: it correlates with anything
             ncc = cross / np.sqrt(energy * power) if energy > area else zero
-            gain = np.sqrt(power / (energy + np.float32(1e-6)))
-            gain = min(max(gain, np.float32(0.4)), np.float32(2.5))
+            contrast: Any = np.sqrt(power / (energy + np.float32(1e-6)))
+            gain = min(max(contrast, np.float32(0.4)), np.float32(2.5))
             ex = gain * bx - tx
             ey = gain * by - ty
             dx = (hyy * ex - hxy * ey) / determinant

@@ -1,0 +1,89 @@
+"""Every stream of claims, buffered by stamp, and what each says of the camera's motion between two images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from belie.detector.claim_buffer import ClaimBuffer, motion_between, pose_at
+from belie.geometry import SE3
+from belie.types import Claim, MotionClaim, PoseClaim, PositionClaim
+
+MotionCheck = Literal["odometry", "twist", "imu"]
+StreamKey = tuple[MotionCheck, str]  # what is checked, and the topic
+
+
+@dataclass(slots=True)
+class Streams:
+    """Buffers of all claims, by topic; a stream exists from its first message on.
+
+    Examples
+    --------
+    >>> streams = Streams()
+    >>> streams.take([PoseClaim(source="/odom", frame_id="odom", stamp_ns=i * 10**8, received_ns=0,
+    ...                         T_odom_body=SE3.from_translation([0.1 * i, 0, 0])) for i in range(3)])
+    >>> streams.motions(0, 10**8, SE3.identity())["odometry", "/odom"].t
+    array([0.1, 0. , 0. ])
+    """
+
+    poses: dict[str, ClaimBuffer[PoseClaim]] = field(default_factory=dict)
+    rates: dict[StreamKey, ClaimBuffer[MotionClaim]] = field(default_factory=dict)
+    positions: dict[str, list[PositionClaim]] = field(default_factory=dict)
+    odom_frame: str = ""
+
+    def take(self, claims: Iterable[Claim]) -> None:
+        """Sort new claims into their buffers."""
+        for claim in claims:
+            if isinstance(claim, PoseClaim):
+                self.odom_frame = self.odom_frame or claim.frame_id
+                self.poses.setdefault(claim.source, ClaimBuffer()).add(claim)
+            elif isinstance(claim, MotionClaim):
+                self.rates.setdefault((claim.kind, claim.source), ClaimBuffer()).add(claim)
+            else:
+                self.positions.setdefault(claim.source, []).append(claim)
+
+    def motion_streams(self) -> list[StreamKey]:
+        """All streams that claim a motion."""
+        return [*(("odometry", source) for source in self.poses), *self.rates]
+
+    def odometry_pose(self, stamp_ns: int) -> SE3 | None:
+        """``T_odom_body`` of the first odometry stream at `stamp_ns`."""
+        source = next(iter(self.poses), None)
+        return None if source is None else pose_at(self.poses[source], stamp_ns)
+
+    def motions(self, start_ns: int | None, stop_ns: int, T_body_cam: SE3) -> dict[StreamKey, SE3 | None]:
+        """The camera's motion ``T_prev_cur`` between two stamps, as each stream claims it; None where it does not.
+
+        An IMU claims a rotation only; its translation is zero here, and not to be used.
+        """
+        found: dict[StreamKey, SE3 | None] = dict.fromkeys(self.motion_streams())
+        if start_ns is None or start_ns >= stop_ns:
+            return found
+        for key in found:
+            T_body = self._body_motion(key, start_ns, stop_ns)
+            if T_body is not None:
+                found[key] = T_body_cam.inverse() @ T_body @ T_body_cam
+        return found
+
+    def _body_motion(self, key: StreamKey, start_ns: int, stop_ns: int) -> SE3 | None:
+        check, source = key
+        if check == "odometry":
+            before, after = pose_at(self.poses[source], start_ns), pose_at(self.poses[source], stop_ns)
+            return None if before is None or after is None else before.inverse() @ after
+        integrated = motion_between(self.rates[key], start_ns, stop_ns)
+        if integrated is None:
+            return None
+        R, t = integrated
+        if t is None:
+            return SE3(R, np.zeros(3)) if check == "imu" else None
+        return SE3(R, t)
+
+    def due_positions(self, source: str, stamp_ns: int) -> list[PositionClaim]:
+        """Take out the position claims of a stream that are stamped up to `stamp_ns`, in order."""
+        waiting = sorted(self.positions[source], key=lambda claim: claim.stamp_ns)
+        due = [claim for claim in waiting if claim.stamp_ns <= stamp_ns]
+        self.positions[source] = waiting[len(due) :]
+        return due
