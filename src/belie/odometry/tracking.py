@@ -203,7 +203,8 @@ def _track_level(
         mean += offset
         determinant = hxx * hyy - hxy * hxy
         trace = hxx + hyy
-        smallest = 0.5 * (trace - np.sqrt(max(0.0, trace * trace - 4.0 * determinant)))
+        discriminant: Any = trace * trace - 4.0 * determinant
+        smallest = 0.5 * (trace - np.sqrt(max(0.0, discriminant)))
         if smallest < min_eigenvalue * area or determinant <= 0.0:
             if last:
                 alive[k] = False
