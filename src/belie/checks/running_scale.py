@@ -77,7 +77,7 @@ class RunningScale:
 
     def learn(self, x: float) -> None:
         """Take in a believed value."""
-        self._waiting.append(x)
+        self._waiting.append(float(x))
         if self.missing == 0 and len(self._waiting) <= self._wait:
             return
         x = self._waiting.popleft()
@@ -99,4 +99,7 @@ class RunningScale:
 
 
 def _agreement(a: float, b: float) -> int:
-    return (a > 0.0) - (a < 0.0) if b > 0.0 else (a < 0.0) - (a > 0.0) if b < 0.0 else 0
+    """Product of the signs."""
+    if a == 0.0 or b == 0.0:
+        return 0
+    return 1 if (a > 0.0) == (b > 0.0) else -1
