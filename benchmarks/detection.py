@@ -109,11 +109,12 @@ def main() -> int:
     parser.add_argument("--profiles", nargs="+", choices=get_args(Profile), default=list(get_args(Profile)))
     parser.add_argument("--onsets", type=int, default=None, help="onsets a recording [20]")
     parser.add_argument("--sweep-onsets", type=int, default=None, help="the same for other magnitudes [8]")
-    parser.add_argument("--seed", type=int, default=0, help="of the noise of the claims")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of the noise of the claims [0]")
+    parser.add_argument("--honest", action="store_true", help="honest claims only: look for false alerts")
     parser.add_argument("--jobs", type=int, default=2, help="processes [2]")
     parser.add_argument("--misses", action="store_true", help="list every miss")
     a = parser.parse_args()
-    families = families_named(a.families)
+    families = [] if a.honest else families_named(a.families)
     variants: list[Variant] = a.variants or (["noisy"] if a.quick else list(VARIANTS))
     sweep = a.sweep_onsets if a.sweep_onsets is not None else (0 if a.quick else 8)
     jobs = [
@@ -124,18 +125,19 @@ def main() -> int:
             families=tuple(family.name for family in families),
             onsets=a.onsets or (6 if a.quick else 20),
             sweep_onsets=sweep,
-            seed=a.seed,
+            seed=seed,
         )
         for profile in a.profiles
         for recording in a.recordings
         for variant in variants
+        for seed in a.seeds
     ]
     began = time.perf_counter()
     found = run_all(jobs, a.jobs)
     print(f"{len(jobs)} runs in {time.perf_counter() - began:.0f} s. Claims:")
     print("\n".join(f"- {variant}: {VARIANTS[variant]}" for variant in variants))
     print("\n## Honest claims\n\n" + "\n".join(honest_lines(found)))
-    for profile in a.profiles:
+    for profile in a.profiles if families else ():
         ours = [f for f in found if f.job.profile == profile]
         print(f"\n## Detection, `{profile}`\n\n" + "\n".join(detection_lines(ours, families)))
         if sweep:
