@@ -38,6 +38,7 @@ class DefaultProfile:
         self._streams = Streams()
         self._trajectory = TrustedTrajectory(camera.T_body_cam)
         self._withheld = 0
+        self._odometry_accused = False
         self._flow_px_per_m = 0.0
         self._last_ns: int | None = None
         self.estimate: VisualEstimate | None = None
@@ -63,12 +64,7 @@ class DefaultProfile:
         self.estimate = estimate = None if unusable else self._odometry.update(frame)
         start_ns = self._last_ns if estimate is None else estimate.previous_stamp_ns
         motions = self._streams.motions(start_ns, frame.stamp_ns, self._camera.T_body_cam)
-        flows = {
-            f"{source} ({key})": self._flow_px(key, T)
-            for (key, source), T in motions.items()
-            if T is not None
-        }
-        seen = self._camera_check.update(frame, estimate, flows)
+        seen = self._look_at_camera(frame, estimate, motions, start_ns)
         judgements = [Judgement(result=seen, onset_ns=self._camera_check.onset_ns)]
         if estimate is None or self._must_withhold(seen):
             judgements += self._withhold(f"not judged: {seen.reason}")
@@ -77,13 +73,33 @@ class DefaultProfile:
         else:
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
             self._follow(frame, motions, estimate)
-            judgements += [self._judge_positions(source, frame, estimate) for source in self._position_checks]
+            judgements += [
+                self._judge_positions(source, frame, estimate) for source in self._streams.positions
+            ]
         self._last_ns = frame.stamp_ns
         pose = self._streams.odometry_pose(frame.stamp_ns)
         self.T_odom_cam_claimed = None if pose is None else pose @ self._camera.T_body_cam
         return corroborated(judgements)
 
     # -- the camera itself ---------------------------------------------------------------------------
+
+    def _look_at_camera(
+        self,
+        frame: Frame,
+        estimate: VisualEstimate | None,
+        motions: dict[StreamKey, SE3 | None],
+        start_ns: int | None,
+    ) -> CheckResult:
+        """Hold the image against the motion that each witness claims; pose and twist of a topic are one."""
+        flows: dict[str, float] = {}
+        speeds = []
+        for (check, source), T in motions.items():
+            if T is None or start_ns is None:
+                continue
+            flows[source] = min(self._flow_px(check, T), flows.get(source, math.inf))
+            if check != "imu":
+                speeds.append(float(np.linalg.norm(T.t)) / ((frame.stamp_ns - start_ns) * 1e-9))
+        return self._camera_check.update(frame, estimate, flows, min(speeds, default=None))
 
     def _flow_px(self, check: str, T_prev_cur: SE3) -> float:
         """Displacement in px that the image should show under a claimed motion: rotation and parallax."""
@@ -130,9 +146,11 @@ class DefaultProfile:
             )
         for source in self._streams.positions:
             if source not in self._position_checks:
-                self._position_checks[source] = PositionCheck(
-                    source, tests=_TESTS, settings=c.position, sequential=c.sequential
-                )
+                self._position_checks[source] = self._new_position_check(source)
+
+    def _new_position_check(self, source: str) -> PositionCheck:
+        c = self._config
+        return PositionCheck(source, tests=_TESTS, settings=c.position, sequential=c.sequential)
 
     def _judge(self, key: StreamKey, T_prev_cur: SE3 | None, estimate: VisualEstimate) -> Judgement:
         check = self._motion_checks[key]
@@ -161,12 +179,19 @@ class DefaultProfile:
         seen: SE3 | None = None
         if estimate is not None and estimate.reason is None and check.metres_per_unit is not None:
             seen = SE3(estimate.T_prev_cur.R, estimate.T_prev_cur.t * check.metres_per_unit)
-        accused = check.evidence is not None and check.evidence.contradicted
-        self._trajectory.extend(frame.stamp_ns, believed=None if accused else motions[key], seen=seen)
+        self._odometry_accused = check.evidence is not None and check.evidence.contradicted
+        believed = None if self._odometry_accused else motions[key]
+        self._trajectory.extend(frame.stamp_ns, believed=believed, seen=seen)
 
     def _judge_positions(self, source: str, frame: Frame, estimate: VisualEstimate) -> Judgement:
         check = self._position_checks[source]
         due = self._streams.due_positions(source, frame.stamp_ns)
+        if self._odometry_accused:
+            # The camera alone drifts too far to accuse a position by; whatever was learned ends here.
+            self._position_checks[source] = check = self._new_position_check(source)
+            return Judgement(
+                result=check.skip("the odometry is contradicted: there is nothing to hold it against")
+            )
         result: CheckResult | None = None
         for claim in due:
             T_odom_body = self._trajectory.at(claim.stamp_ns)

@@ -39,7 +39,7 @@ class CheckResult:
     statistic, threshold : float or None
         The test statistic closest to its threshold, in `unit`; None where nothing could be tested.
     unit : str
-        ``chi2``, ``px2``, ``m2``, ``llr`` (log-likelihood ratio, nats) or ``gray``.
+        ``chi2``, ``px2``, ``m2``, ``llr`` (log-likelihood ratio, nats) or ``frames``.
     floor : str or None
         Minimum detectable lie: the smallest lie that would now be caught, with its unit.
     reason : str
