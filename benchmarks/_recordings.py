@@ -146,9 +146,14 @@ def _handheld(folder: Path) -> tuple[CameraModel, list[npt.NDArray[np.uint8]], l
     return model, images, stamps_ns, T_world_cam[: len(files)]
 
 
-def made_recording(source: Drive, variant: Variant, seed: int = 0) -> MemoryRecording:
-    """The drive with odometry as `variant` says, an IMU at 200 Hz, localisation and GNSS at 10 Hz."""
-    truth = _Path(source)
+def made_recording(
+    source: Drive, variant: Variant, seed: int = 0, *, reference: Drive | None = None
+) -> MemoryRecording:
+    """The drive with odometry as `variant` says, an IMU at 200 Hz, localisation and GNSS at 10 Hz.
+
+    The claims are made from `reference` where it is given: frames may be missing that the odometry has.
+    """
+    truth = _Path(reference or source)
     rng = np.random.default_rng([seed, *source.name.encode()])
     claims: list[Claim] = [
         *_odometry(truth, variant, rng),

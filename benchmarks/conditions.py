@@ -67,7 +67,8 @@ def run(job: Job) -> Found:
     """The honest run and the attacks of one job."""
     condition = next(c for c in CONDITIONS if c.name == job.condition)
     rng = np.random.default_rng([job.seed, *job.condition.encode()])
-    recording = made_recording(condition.change(drive(job.recording), rng), job.variant, job.seed)
+    source = drive(job.recording)
+    recording = made_recording(condition.change(source, rng), job.variant, job.seed, reference=source)
     families = [family for family in ATTACKED if job.recording in family.recordings]
     onsets = onsets_of(len(recording.joined), FIRST_ONSET, 3, job.onsets)
     honest = HonestRun(recording, Config(), kept_frames(recording, onsets))
