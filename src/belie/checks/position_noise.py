@@ -48,7 +48,7 @@ class PositionNoise:
         def scales() -> list[RunningScale]:
             return [
                 RunningScale(
-                    prior=settings.prior_scale, least=self._least, memory=settings.memory_claims,
+                    prior=settings.prior_scale, least=0.0, memory=settings.memory_claims,
                     learning=settings.learning_claims, waiting=settings.waiting_claims,
                 )
                 for _ in range(3)
@@ -66,7 +66,7 @@ class PositionNoise:
 
     def fast_sigma_m(self, unit_m: FloatArray) -> FloatArray:
         """Standard deviation r of the fast part, shape (3,); `unit_m` is the declared one."""
-        return np.array([scale.value for scale in self._short]) * unit_m
+        return np.maximum([scale.value for scale in self._short], self._least) * unit_m
 
     def walk_m(self, unit_m: FloatArray) -> FloatArray:
         """Intensity w of the slow part, m per sqrt(s), shape (3,)."""
@@ -76,7 +76,7 @@ class PositionNoise:
         count = max(self._long[0].count, 1)
         doubt = 2.0 * _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short
         # Overlapping differences of a slow process say little new, so what was seen may be small by chance.
-        caution = 1.0 + _QUANTILE_ERROR / np.sqrt(max(count / self._lag_claims, 1.0))
+        caution = 1.0 + 2.0 * _QUANTILE_ERROR / np.sqrt(max(count / self._lag_claims, 1.0))
         seen = 2.0 * np.maximum(long - short - doubt, 0.0) * caution / self._lag_difference_s
         promised = 2.0 * np.maximum(self._least**2, np.minimum(long, short)) / self._settings.multipath_time_s
         return np.asarray(np.sqrt(np.maximum(seen, promised)) * unit_m)

@@ -72,7 +72,7 @@ class RunningScale:
         if n < 8 or self.missing > 0:
             return 0.0
         phi = math.sin(0.5 * math.pi * self._agreements / (n - 1)) - 0.5 * math.pi / math.sqrt(n)
-        share = min(self._quantile() / self.value, 1.0)
+        share = min(self._quantile() / max(self.value, 1e-12), 1.0)
         return min(max(phi, 0.0), 0.9) * share**2
 
     def learn(self, x: float) -> None:
