@@ -75,6 +75,6 @@ def test_noise_larger_than_its_model_makes_no_alarm(noise):
 def test_floor_is_what_is_found():
     rng, test = np.random.default_rng(4), make_test()
     feed(test, rng.normal(0, 0.01, 300))
-    lie = 1.5 * float(test.floor(frames=10)[0])
+    lie = 1.2 * float(test.floor()[0])
     found = feed(test, rng.normal(lie, 0.01, 15), 300)
     assert any(found)

@@ -1,7 +1,6 @@
 """The shell around the commands: start-up, version, interruptions, faults of our own."""
 
 import json
-import signal
 import subprocess
 import sys
 
@@ -68,18 +67,14 @@ def test_a_reader_that_leaves_early_is_no_error(drive):
     assert errors == ""
 
 
-def test_ctrl_c_is_one_line(drive):
-    with subprocess.Popen(
-        [*BELIE, "check", str(drive), "--json", "-"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        process.stdout.read()
-        assert process.wait(60) == 130
-        assert process.stderr.read() == "belie: interrupted\n"
+def test_ctrl_c_is_one_line(run, drive, monkeypatch):
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("belie.recordings.open_recording", interrupted)
+    done = run("check", drive)
+    assert done.exit_code == 130
+    assert done.stderr == "belie: interrupted\n"
 
 
 def test_our_own_faults_are_one_line_with_a_way_to_see_more(capsys):

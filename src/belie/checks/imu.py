@@ -29,8 +29,9 @@ class ImuSettings(Settings):
     """Noise and systematic errors of an honest gyroscope."""
 
     rotation_noise_deg: float = Field(
-        0.02, gt=0.0,
-        description="angle random walk [deg per sqrt(s)]; twice the 0.014 deg/s/sqrt(Hz) of a Bosch BMI055",
+        0.06, gt=0.0,
+        description="angle random walk [deg per sqrt(s)]: the 0.014 of a Bosch BMI055, its vibration, and the slow "
+        "errors of the visual rotation",
     )  # fmt: skip
     rotation_gain_noise: float = Field(
         0.01,

@@ -79,7 +79,7 @@ class NoiseScale:
     >>> rng = np.random.default_rng(0)
     >>> for _ in range(300): scale.learn(rng.normal(size=2) * (1.0, 2.0))
     >>> scale.value.round(1)
-    array([1. , 1.7])
+    array([1.2, 1.6])
     """
 
     def __init__(self, components: int, settings: NoiseScaleSettings) -> None:

@@ -38,13 +38,14 @@ class OdometrySettings(Settings):
     translation_noise: float = Field(
         0.01, gt=0.0,
         description="standard deviation of a claimed step, each axis [m per m travelled]; 1 % is what wheel and "
-        "inertial odometry reach (KITTI's own reference included)",
+        "inertial odometry reach",
     )  # fmt: skip
     translation_floor_m: float = Field(0.0002, gt=0.0, description="the same at standstill [m a frame]")
     rotation_noise_deg: float = Field(
-        0.03,
+        0.06,
         gt=0.0,
-        description="angle random walk of a claimed rotation [deg per sqrt(s)]; a MEMS gyroscope's",
+        description="angle random walk of a claimed rotation [deg per sqrt(s)]: a MEMS gyroscope's 0.01 to 0.03, and "
+        "the corrections of the odometry's own filter",
     )
     rotation_gain_noise: float = Field(
         0.01, ge=0.0, description="error of a claimed rotation that grows with it [deg per deg turned]"
@@ -56,14 +57,14 @@ class OdometrySettings(Settings):
         3.0, ge=0.0, description="how askew the camera may sit against its stated mount [deg]"
     )
     mount_walk_deg: float = Field(
-        0.3, ge=0.0, description="how the direction error may wander [deg per sqrt(s)]"
+        0.2, ge=0.0, description="how the direction error may wander [deg per sqrt(s)]"
     )
     lever_sigma_m: float = Field(0.1, ge=0.0, description="error of the camera's stated position [m]")
     gain_sigma: float = Field(
         0.02, ge=0.0, description="relative error of the visual rotation, from the focal length [1]"
     )
     scale_walk: float = Field(
-        0.01, ge=0.0, description="how the scale of the visual map drifts [relative, per sqrt(frame)]"
+        0.005, ge=0.0, description="how the scale of the visual map drifts [relative, per sqrt(frame)]"
     )
 
 

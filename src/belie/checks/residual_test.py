@@ -87,6 +87,12 @@ class ResidualTest:
         """How many times noisier than its model each component is, shape (components,)."""
         return self._scale.value
 
-    def floor(self, frames: int = 10) -> FloatArray:
-        """Steady lie a frame, in the units of each component, found within `frames` frames on average."""
-        return np.asarray(self._bank.smallest_shift(frames) * self.sigma)
+    def floor(self, frames: int = 3) -> FloatArray:
+        """Steady lie a frame, in the units of each component, found within `frames` frames on average.
+
+        Few frames: later ones count for less, since a lie that is not found at once is partly learned as noise
+        or as a systematic error. Whitening costs a steady lie ``(1 - φ) / sqrt(1 - φ²)`` of its size.
+        """
+        phi = np.maximum(self._scale.correlation, 0.0)
+        kept = (1.0 - phi) / np.sqrt(1.0 - phi**2)
+        return np.asarray(self._bank.smallest_shift(frames) * self.sigma / kept)

@@ -23,6 +23,8 @@ from belie.odometry import VisualOdometry
 from belie.types import CheckResult, Claim, Frame, MountedCamera, Status, VisualEstimate
 
 _TESTS = 4  # odometry, twist, IMU and position share the stated false-alarm rate
+_DOUBT = 0.5  # of the threshold: evidence against the odometry that makes a position's accuser wait
+_MOST_WAITED = 10  # frames
 _MOST_WITHHELD = 3  # frames: so long may the camera's doubts about itself protect a claim
 
 
@@ -39,6 +41,7 @@ class DefaultProfile:
         self._trajectory = TrustedTrajectory(camera.T_body_cam)
         self._withheld = 0
         self._odometry_accused = False
+        self._waited: dict[str, int] = {}
         self._flow_px_per_m = 0.0
         self._last_ns: int | None = None
         self.estimate: VisualEstimate | None = None
@@ -148,6 +151,19 @@ class DefaultProfile:
             if source not in self._position_checks:
                 self._position_checks[source] = self._new_position_check(source)
 
+    def _odometry_may_lie(self, source: str) -> bool:
+        """Whether a position must wait to be accused: while evidence against the odometry builds up."""
+        doubts = [
+            check.evidence.statistic / check.evidence.threshold
+            for check in self._motion_checks.values()
+            if isinstance(check, OdometryCheck) and check.evidence is not None
+        ]
+        if max(doubts, default=0.0) < _DOUBT:
+            self._waited[source] = 0
+            return False
+        self._waited[source] = self._waited.get(source, 0) + 1
+        return self._waited[source] <= _MOST_WAITED
+
     def _new_position_check(self, source: str) -> PositionCheck:
         c = self._config
         return PositionCheck(source, tests=_TESTS, settings=c.position, sequential=c.sequential)
@@ -201,6 +217,9 @@ class DefaultProfile:
             answer = check.update(claim, T_odom_body, shares_axes=shares_axes)
             if result is None or result.status is not Status.CONTRADICTED:
                 result = answer
+        if result is not None and result.status is Status.CONTRADICTED and self._odometry_may_lie(source):
+            reason = f"{result.reason}; or the odometry lies: waiting for its own check"
+            result = replace(result, status=Status.UNDECIDED, reason=reason)
         if result is None:
             result = check.skip("no trusted odometry" if due else "no claim since the last frame")
         elif estimate.inliers == 0 and result.status is Status.CONSISTENT:

@@ -237,7 +237,9 @@ class VisualOdometry:
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners)
+        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4).
+        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05)
+        inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners) / sureness**2
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         agreeing = int(inliers.sum())
         if agreeing < _MAJORITY * len(found):
