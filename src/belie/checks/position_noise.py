@@ -21,6 +21,7 @@ from belie.geometry import FloatArray
 _LONG_LAG_S = 1.0
 _LONG_LAG_CLAIMS = 5
 _QUANTILE_ERROR = 1.6  # relative error of the square of a 68 % quantile of n Gaussian samples, times sqrt(n)
+_ONE_IN_FIFTY = 2.05  # sigma
 
 
 class PositionNoise:
@@ -72,12 +73,16 @@ class PositionNoise:
         """Intensity w of the slow part, m per sqrt(s), shape (3,)."""
         short = np.array([scale.value for scale in self._short]) ** 2
         long = np.array([scale.value for scale in self._long]) ** 2
-        # Two standard errors of fast noise are no evidence of wander: it would cost power for nothing.
+        # Two standard errors of fast noise are no evidence of wander: it would cost power for nothing. Where
+        # what is seen is not independent it is no fast noise, but then it says little of how large it can be.
         count = max(self._long[0].count, 1)
-        doubt = 2.0 * _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short
-        # Overlapping differences of a slow process say little new, so what was seen may be small by chance.
-        caution = 1.0 + 2.0 * _QUANTILE_ERROR / np.sqrt(max(count / self._lag_claims, 1.0))
-        seen = 2.0 * np.maximum(long - short - doubt, 0.0) * caution / self._lag_difference_s
+        independent = np.array([scale.independent for scale in self._long])
+        doubt = 2.0 * _QUANTILE_ERROR / np.sqrt(count) * np.sqrt(2.0) * short * np.sqrt(independent / count)
+        excess = np.maximum(long - short - doubt, 0.0)
+        likely = np.maximum(
+            excess, np.minimum(excess * _caution(independent), 2.0 * self._lag_claims * short)
+        )
+        seen = 2.0 * likely / self._lag_difference_s
         promised = 2.0 * np.maximum(self._least**2, np.minimum(long, short)) / self._settings.multipath_time_s
         return np.asarray(np.sqrt(np.maximum(seen, promised)) * unit_m)
 
@@ -112,3 +117,12 @@ class PositionNoise:
     def _take(self, scales: list[RunningScale], increment_m: FloatArray, unit_m: FloatArray) -> None:
         for scale, x in zip(scales, increment_m / (np.sqrt(2.0) * unit_m), strict=True):
             scale.learn(float(x))
+
+
+def _caution(n: FloatArray) -> FloatArray:
+    """How much larger a variance may be than n independent values show, in all but one case of fifty.
+
+    By the χ² quantile of Wilson and Hilferty (1931).
+    """
+    root = 1.0 - 2.0 / (9.0 * n) - _ONE_IN_FIFTY * np.sqrt(2.0 / (9.0 * n))
+    return np.asarray(1.0 / np.maximum(root, 0.1) ** 3)

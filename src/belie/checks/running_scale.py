@@ -26,7 +26,7 @@ class RunningScale:
     memory, learning : int
         Values kept, and values needed.
     waiting : int
-        Values that must be followed by as many more before they count.
+        A value counts when so many more have followed it, or half of those known if that is fewer.
 
     Examples
     --------
@@ -71,14 +71,21 @@ class RunningScale:
         n = len(self._seen)
         if n < 8 or self.missing > 0:
             return 0.0
-        phi = math.sin(0.5 * math.pi * self._agreements / (n - 1)) - 0.5 * math.pi / math.sqrt(n)
+        phi = self._sign_correlation() - 0.5 * math.pi / math.sqrt(n)
         share = min(self._quantile() / max(self.value, 1e-12), 1.0)
         return min(max(phi, 0.0), 0.9) * share**2
+
+    @property
+    def independent(self) -> float:
+        """How many independent values those seen are worth: ``n (1 - φ) / (1 + φ)`` of an AR(1), at least 1."""
+        phi = min(max(self._sign_correlation(), 0.0), 1.0)
+        return max(len(self._seen) * (1.0 - phi) / (1.0 + phi), 1.0)
 
     def learn(self, x: float) -> None:
         """Take in a believed value."""
         self._waiting.append(float(x))
-        if self.missing == 0 and len(self._waiting) <= self._wait:
+        # While little is known, news is worth more than caution.
+        if self.missing == 0 and len(self._waiting) <= min(self._wait, len(self._seen) // 2):
             return
         x = self._waiting.popleft()
         if self._seen:
@@ -89,6 +96,9 @@ class RunningScale:
             old = self._seen.popleft()
             self._agreements -= _agreement(old, self._seen[0])
             del self._sizes[bisect_left(self._sizes, abs(old))]
+
+    def _sign_correlation(self) -> float:
+        return math.sin(0.5 * math.pi * self._agreements / max(len(self._seen) - 1, 1))
 
     def _quantile(self) -> float:
         return self._sizes[min(int(_ONE_SIGMA * len(self._sizes)), len(self._sizes) - 1)]

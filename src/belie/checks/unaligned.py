@@ -74,7 +74,7 @@ class Unaligned:
                 continue
             lag_s = (stamp_ns - then[0]) * 1e-9
             travelled_m = float(np.linalg.norm(q_m - then[2]))
-            mismatch_m = abs(float(np.linalg.norm(p_m - then[1])) - travelled_m)
+            mismatch_m = float(np.linalg.norm(p_m - then[1])) - travelled_m
             lengths.append((window_s, lag_s, mismatch_m))
             statistic = mismatch_m**2 / self._variance(lag_s, travelled_m, noise, unit_m)
             if statistic > worst:
