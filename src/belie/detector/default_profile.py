@@ -24,7 +24,8 @@ from belie.types import CheckResult, Claim, Frame, MountedCamera, Status, Visual
 
 _TESTS = 4  # odometry, twist, IMU and position share the stated false-alarm rate
 _DOUBT = 0.5  # of the threshold: evidence against the odometry that makes a position's accuser wait
-_MOST_WAITED = 10  # frames
+_MOST_WAITED = 3  # claims
+_STANDS_NS = 1_000_000_000
 _MOST_WITHHELD = 3  # frames: so long may the camera's doubts about itself protect a claim
 
 
@@ -42,6 +43,7 @@ class DefaultProfile:
         self._withheld = 0
         self._odometry_accused = False
         self._waited: dict[str, int] = {}
+        self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
         self._last_ns: int | None = None
         self.estimate: VisualEstimate | None = None
@@ -205,6 +207,7 @@ class DefaultProfile:
         if self._odometry_accused:
             # The camera alone drifts too far to accuse a position by; whatever was learned ends here.
             self._position_checks[source] = check = self._new_position_check(source)
+            self._last_positions.pop(source, None)
             return Judgement(
                 result=check.skip("the odometry is contradicted: there is nothing to hold it against")
             )
@@ -221,10 +224,19 @@ class DefaultProfile:
             reason = f"{result.reason}; or the odometry lies: waiting for its own check"
             result = replace(result, status=Status.UNDECIDED, reason=reason)
         if result is None:
-            result = check.skip("no trusted odometry" if due else "no claim since the last frame")
+            result = self._between_claims(source, frame, "no trusted odometry" if due else "no claim")
         elif estimate.inliers == 0 and result.status is Status.CONSISTENT:
             result = check.skip(f"nobody vouches for the odometry: {estimate.reason}")
+        else:
+            self._last_positions[source] = frame.stamp_ns, result
         return Judgement(result=result, onset_ns=check.evidence.onset_ns if check.evidence else None)
+
+    def _between_claims(self, source: str, frame: Frame, reason: str) -> CheckResult:
+        """Positions come more seldom than images: the last answer stands until it is a second old."""
+        stamp_ns, last = self._last_positions.get(source, (0, None))
+        if last is not None and frame.stamp_ns - stamp_ns <= _STANDS_NS:
+            return last
+        return self._position_checks[source].skip(reason)
 
 
 def corroborated(judgements: list[Judgement]) -> list[Judgement]:
