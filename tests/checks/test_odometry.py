@@ -108,3 +108,45 @@ def test_imu_bias_at_power_on_is_no_lie_but_its_change_is():
         for i in range(100, 115)
     ]
     assert Status.CONTRADICTED in statuses[:10]
+
+
+def test_a_new_map_with_another_unit_is_no_lie():
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 60):
+        check.update(estimate(i, rng=rng), STEP)
+    statuses = [check.update(estimate(i, unit=0.02, rng=rng, map_id=1), STEP).status for i in range(60, 120)]
+    assert Status.CONTRADICTED not in statuses
+    assert statuses[-1] is Status.CONSISTENT
+
+
+def test_a_liar_does_not_get_to_set_the_scale_of_a_new_map():
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 60):
+        check.update(estimate(i, rng=rng), STEP)
+    lie = SE3(STEP.R, 3.0 * STEP.t)
+    assert check.update(estimate(60, rng=rng), lie).status is Status.CONTRADICTED
+    unit = check.metres_per_unit
+    check.update(estimate(61, rng=rng, map_id=1), lie)
+    assert check.metres_per_unit == unit
+
+
+def test_standing_first_does_not_teach_the_noise_of_driving():
+    still = SE3.identity()
+    for seed in range(5):
+        check, rng = odometry(), np.random.default_rng(seed)
+        for i in range(1, 60):
+            check.update(estimate(i, T=still, rng=rng, reason="no baseline yet"), still)
+        for i in range(60, 140):
+            noisy = SE3(STEP.R, STEP.t + rng.normal(0, 2.5 * 0.01 * 0.8, 3))
+            assert check.update(estimate(i, rng=rng), noisy).status is not Status.CONTRADICTED
+
+
+@pytest.mark.parametrize("rate_hz", [10, 60, 100])
+def test_a_heading_jump_is_caught_at_any_rate(rate_hz):
+    check, rng = odometry(), np.random.default_rng(0)
+    for i in range(1, 300):
+        stamps = {"stamp_ns": i * 10**9 // rate_hz, "previous_stamp_ns": (i - 1) * 10**9 // rate_hz}
+        check.update(estimate(i, rng=rng, **stamps), STEP)
+    jumped = STEP @ SE3.exp([0, 0, 0, 0, 2.0, 0])
+    stamps = {"stamp_ns": 300 * 10**9 // rate_hz, "previous_stamp_ns": 299 * 10**9 // rate_hz}
+    assert check.update(estimate(300, rng=rng, **stamps), jumped).status is Status.CONTRADICTED

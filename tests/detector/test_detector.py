@@ -91,3 +91,38 @@ def test_paper_profile_runs_on_a_real_drive(kitti00):
     assert {c.unit for c in tested} == {"px2"}
     assert {c.threshold for c in tested} == {40.0}
     assert np.median([c.statistic for c in tested]) < 40.0
+
+
+def test_absurd_and_future_claims_neither_crash_nor_silence_a_stream(kitti00):
+    detector = Detector(kitti00.cameras)
+    for i, step in enumerate(kitti00.steps()):
+        claims = list(step.claims)
+        if i == 30:
+            ns = step.frame.stamp_ns
+            far = SE3.from_translation([1e155, 0.0, 0.0])
+            claims += [
+                PoseClaim(source="/odom", frame_id="world", stamp_ns=ns + 1, received_ns=ns, T_odom_body=far),
+                PoseClaim(
+                    source="/odom", frame_id="world", stamp_ns=ns + 10**13, received_ns=ns,
+                    T_odom_body=SE3.identity(),
+                ),
+            ]  # fmt: skip
+        verdict = detector.update(step.frame, claims)
+        if i == 45:
+            break
+    assert verdict.status is Status.CONSISTENT
+
+
+def test_a_blind_camera_accuses_nobody(kitti00):
+    """While the lens is covered, honest odometry and position go on; nobody is accused but the camera."""
+    detector, accused = Detector(kitti00.cameras), set()
+    for i, step in enumerate(kitti00.steps()):
+        frame = step.frame
+        if 60 <= i < 75:
+            image = np.full(frame.image.shape, 3, np.uint8)
+            frame = Frame(camera=frame.camera, stamp_ns=frame.stamp_ns, received_ns=0, image=image)
+        verdict = detector.update(frame, step.claims)
+        accused |= {a.type.value for a in verdict.alerts}
+        if i == 130:
+            break
+    assert accused <= {"camera_fault"}

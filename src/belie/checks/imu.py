@@ -110,7 +110,7 @@ class ImuCheck:
             return self._answer(Status.UNDECIDED, reason, None)
         s, R = self.settings, estimate.T_prev_cur.R
         self.test.errors.predict(interval_s)
-        omega = so3_log(R_prev_cur)
+        omega = so3_log(R)  # the seen one: a lie must not widen its own margin
         H = np.zeros((3, 7))
         H[:, _MOUNT] = R.T - np.eye(3)
         H[:, _GAIN] = -omega

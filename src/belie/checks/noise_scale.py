@@ -88,6 +88,7 @@ class NoiseScale:
         p = (np.arange(settings.prior_frames) + 0.5) / settings.prior_frames
         self._prior = np.tile(settings.prior_scale * ndtri(0.5 + 0.5 * p)[:, None], (1, components))
         self._seen: deque[FloatArray] = deque(maxlen=settings.memory_frames)
+        self._untested = 0
         self._correlation = np.zeros(components)
         self._offset = np.zeros(components)
         self._value = np.full(components, max(settings.prior_scale, settings.least_scale))
@@ -111,6 +112,15 @@ class NoiseScale:
     def missing_frames(self) -> int:
         """How many believed frames are missing before the scale is known well enough."""
         return max(0, self._settings.learning_frames - len(self._seen))
+
+    def unknown(self) -> FloatArray:
+        """What to learn for a component that was not tested: noise as large as the prior's.
+
+        Its signs go ``+ + - -``: neither an offset nor a correlation is learned from it.
+        """
+        self._untested += 1
+        sign = 1.0 if (self._untested // 2) % 2 else -1.0
+        return np.full(len(self._value), sign * self._settings.prior_scale)
 
     def learn(self, x: FloatArray) -> None:
         """Take in the normalised residual of a believed frame, shape (components,)."""

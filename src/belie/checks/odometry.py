@@ -119,6 +119,7 @@ class OdometryCheck:
             tests,
         )
         self._scale = _Scale()
+        self._accused = False
         self.evidence: Evidence | None = None
 
     @property
@@ -143,7 +144,9 @@ class OdometryCheck:
         self.test.errors.predict(np.array([interval_s] * (_PARAMETERS - 1) + [1.0]))
         translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
         r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
-        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s)
+        tested = np.array([translates] * 3 + [True] * 3)
+        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s, tested)
+        self._accused = evidence.contradicted
         self.evidence = evidence
         if self._scale.log_m is not None:  # the scale's error is folded into the scale
             self._scale.log_m += float(self.test.errors.mean[_SCALE])
@@ -154,9 +157,10 @@ class OdometryCheck:
         scale = self._scale
         visual, claimed = float(np.linalg.norm(estimate.T_prev_cur.t)), float(np.linalg.norm(T_prev_cur.t))
         if scale.log_m is not None and scale.map_id != estimate.map_id:
-            # The new map began with the speed of the old one; how far that was off, nobody knows.
-            self.test.errors.forget(_SCALE, 0.5)
-            scale.map_id = estimate.map_id
+            # The new map has a unit of its own. A claim that stands contradicted does not get to set it.
+            if self._accused:
+                return False
+            scale.log_m = None
         if scale.log_m is None:
             spread = math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
             if visual < 3.0 * spread or claimed < 3.0 * self.settings.translation_floor_m:
@@ -171,7 +175,7 @@ class OdometryCheck:
         """R (6,), H (6, 8) and the noise (6, 6) of the comparison; see the module's formulas."""
         s = self.settings
         R = estimate.T_prev_cur.R
-        omega = so3_log(T_prev_cur.R)
+        omega = so3_log(R)  # the seen one: a lie must not widen its own margin
         metric = (self.metres_per_unit or 1.0) if translates else 0.0
         t = metric * estimate.T_prev_cur.t
         # Mount (δ, l): the claim is exp(δ, l) T exp(δ, l)^-1 of the camera's true motion T.

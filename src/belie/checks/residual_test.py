@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from belie.checks.noise_scale import NoiseScale, NoiseScaleSettings
 from belie.checks.sequential import CusumBank, Evidence, SequentialSettings
 from belie.checks.systematic import SystematicErrors
 from belie.geometry import FloatArray
+
+_ABSURD = 1e6  # sigma: beyond it, and where a claim overflows, a jump is a jump
 
 
 class ResidualTest:
@@ -65,21 +68,34 @@ class ResidualTest:
         return max(self._scale.missing_frames, by_time)
 
     def update(
-        self, r: FloatArray, H: FloatArray, noise: FloatArray, stamp_ns: int, interval_s: float
+        self,
+        r: FloatArray,
+        H: FloatArray,
+        noise: FloatArray,
+        stamp_ns: int,
+        interval_s: float,
+        tested: npt.NDArray[np.bool_] | None = None,
     ) -> Evidence:
-        """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`."""
+        """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`.
+
+        Components that are not `tested`, shape (m,), prove nothing, and nothing is learned of their noise.
+        """
         self._interval_s = interval_s
         innovation, S = self.errors.innovation(r, H, noise)
         scale = self._scale.value
         scaled = S + np.outer(scale, scale) * noise - noise
         self.sigma = np.sqrt(np.diag(scaled))
         x = (innovation - self._scale.offset * np.sqrt(np.diag(S))) / self.sigma
+        x = np.nan_to_num(np.clip(x, -_ABSURD, _ABSURD), nan=_ABSURD)
+        if tested is not None:
+            x = np.where(tested, x, 0.0)
         white = (x - self._scale.correlation * self._previous) / np.sqrt(1.0 - self._scale.correlation**2)
         evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
         self._previous = x
         if not evidence.contradicted:
             self._learned_s += interval_s
-            self._scale.learn(innovation / np.sqrt(np.diag(S)))
+            seen = innovation / np.sqrt(np.diag(S))
+            self._scale.learn(seen if tested is None else np.where(tested, seen, self._scale.unknown()))
             self.errors.learn(innovation, scaled, H)
         return evidence
 

@@ -126,7 +126,7 @@ class CusumBank:
         self._thresholds = np.full(len(self._shifts), np.inf)
         self._interval_s = 0.0
         self._last_over_ns: int | None = None
-        self._last: Evidence | None = None
+        self._accusation: Evidence | None = None
 
     @property
     def thresholds(self) -> FloatArray:
@@ -160,25 +160,31 @@ class CusumBank:
         worst = float(ratio[i, side, j])
         is_jump = jump > s.jump_sigma**2
         over = is_jump or worst > 1.0
+        held_before = self._last_over_ns is not None
         if over:
             self._last_over_ns = stamp_ns
         if self._last_over_ns is not None and stamp_ns - self._last_over_ns >= s.release_s * 1e9:
             self._sums[:] = 0.0  # the lie is over: the next one starts from nothing
             self._last_over_ns = None
         held = self._last_over_ns is not None and stamp_ns - self._last_over_ns < s.release_s * 1e9
-        if is_jump and worst <= 1.0:
-            return Evidence(
-                contradicted=True, statistic=jump, threshold=s.jump_sigma**2, unit="chi2",
-                component=largest, onset_ns=stamp_ns,
-            )  # fmt: skip
-        return Evidence(
-            contradicted=over or held,
+        evidence = Evidence(
+            contradicted=over,
             statistic=float(self._sums[i, side, j]),
             threshold=float(self._thresholds[j]),
             unit="llr",
             component=int(i),
             onset_ns=int(self._since_ns[i, side, j]),
         )
+        if is_jump and worst <= 1.0:
+            evidence = Evidence(
+                contradicted=True, statistic=jump, threshold=s.jump_sigma**2, unit="chi2",
+                component=largest, onset_ns=stamp_ns,
+            )  # fmt: skip
+        if over and not held_before:
+            self._accusation = evidence
+        elif held and self._accusation is not None:
+            return self._accusation  # it stands as it was made, until it is released
+        return evidence
 
     def smallest_shift(self, frames: int) -> float:
         """The steady shift, in sigma a frame, that the bank finds within `frames` frames on average.

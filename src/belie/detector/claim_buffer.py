@@ -17,7 +17,7 @@ from belie.geometry import SE3, FloatArray, so3_exp
 from belie.types import MotionClaim
 
 _KEPT_NS = 3_000_000_000
-_LONGEST_GAP_NS = 500_000_000  # between two messages that may still be interpolated
+LONGEST_GAP_NS = 150_000_000  # between two messages: a vehicle's turn bends more than noise over longer ones
 
 
 class _Stamped(Protocol):
@@ -32,7 +32,8 @@ _by_stamp = attrgetter("stamp_ns")
 class ClaimBuffer(Generic[_Claim]):
     """The last seconds of one stream, sorted by stamp; a repeated stamp replaces the older message."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest_gap_ns: int = LONGEST_GAP_NS) -> None:
+        self.longest_gap_ns = longest_gap_ns
         self._claims: list[_Claim] = []
 
     def __len__(self) -> int:
@@ -67,7 +68,7 @@ class ClaimBuffer(Generic[_Claim]):
                 return None
         else:
             before, after = claims[i - 1], claims[i]
-        return (before, after) if after.stamp_ns - before.stamp_ns <= _LONGEST_GAP_NS else None
+        return (before, after) if after.stamp_ns - before.stamp_ns <= self.longest_gap_ns else None
 
     def between(self, start_ns: int, stop_ns: int) -> list[_Claim]:
         """The messages needed to integrate from `start_ns` to `stop_ns`: the last before, and all up to it."""
@@ -130,7 +131,12 @@ def motion_between(
     following = buffer.after(stop_ns)
     used = samples if following is None else [*samples, following]
     periods = np.diff([sample.stamp_ns for sample in used])
-    if not samples or samples[0].stamp_ns > start_ns or not len(periods) or periods.max() > _LONGEST_GAP_NS:
+    if (
+        not samples
+        or samples[0].stamp_ns > start_ns
+        or not len(periods)
+        or periods.max() > buffer.longest_gap_ns
+    ):
         return None
     if following is None and stop_ns - samples[-1].stamp_ns > 1.5 * float(np.median(periods)):
         return None

@@ -42,6 +42,7 @@ class DefaultProfile:
         self._trajectory = TrustedTrajectory(camera.T_body_cam)
         self._withheld = 0
         self._odometry_accused = False
+        self._vouched_ns = 0
         self._waited: dict[str, int] = {}
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
@@ -63,7 +64,7 @@ class DefaultProfile:
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge every stream at this frame."""
-        self._streams.take(claims)
+        self._streams.take(claims, frame.stamp_ns)
         self._open_checks()
         unusable = self._camera_check.look(frame)
         self.estimate = estimate = None if unusable else self._odometry.update(frame)
@@ -73,11 +74,14 @@ class DefaultProfile:
         judgements = [Judgement(result=seen, onset_ns=self._camera_check.onset_ns)]
         if estimate is None or self._must_withhold(seen):
             judgements += self._withhold(f"not judged: {seen.reason}")
-            if estimate is not None:
-                self._follow(frame, motions, None)
+            self._follow(frame, None)
+            for source in self._position_checks:
+                self._streams.due_positions(
+                    source, frame.stamp_ns
+                )  # no position is judged later by this frame
         else:
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
-            self._follow(frame, motions, estimate)
+            self._follow(frame, estimate)
             judgements += [
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
             ]
@@ -180,30 +184,39 @@ class DefaultProfile:
                 self._learn_flow(estimate, T_prev_cur)
         return Judgement(result=result, onset_ns=check.evidence.onset_ns if check.evidence else None)
 
-    def _follow(
-        self, frame: Frame, motions: dict[StreamKey, SE3 | None], estimate: VisualEstimate | None
-    ) -> None:
+    def _follow(self, frame: Frame, estimate: VisualEstimate | None) -> None:
         """Extend the trusted trajectory: by the odometry's step while it is believed, else by the camera's."""
-        key = next((k for k in motions if k[0] == "odometry"), None)
+        key = next((k for k in self._motion_checks if k[0] == "odometry"), None)
         if key is None:
             return
-        if not self._trajectory.begun:
-            pose = self._streams.odometry_pose(frame.stamp_ns)
-            if pose is not None:
-                self._trajectory.begin(frame.stamp_ns, pose)
-            return
-        check = self._motion_checks[key]
+        check, start_ns = self._motion_checks[key], self._trajectory.newest_ns
         assert isinstance(check, OdometryCheck)
+        if check.evidence is not None:  # untested, it stays as accused or as innocent as it was
+            self._odometry_accused = check.evidence.contradicted
         seen: SE3 | None = None
-        if estimate is not None and estimate.reason is None and check.metres_per_unit is not None:
-            seen = SE3(estimate.T_prev_cur.R, estimate.T_prev_cur.t * check.metres_per_unit)
-        self._odometry_accused = check.evidence is not None and check.evidence.contradicted
-        believed = None if self._odometry_accused else motions[key]
-        self._trajectory.extend(frame.stamp_ns, believed=believed, seen=seen)
+        unit_m = check.metres_per_unit
+        if estimate is not None and estimate.reason is None and unit_m is not None:
+            T = estimate.T_prev_cur
+            seen = SE3(T.R, T.t * unit_m) if estimate.previous_stamp_ns == start_ns else None
+        claimed: SE3 | None = None
+        if start_ns is not None and not self._odometry_accused:
+            claimed = self._streams.odometry_motion(start_ns, frame.stamp_ns, self._camera.T_body_cam)
+        if start_ns is not None and self._trajectory.extend(frame.stamp_ns, believed=claimed, seen=seen):
+            return
+        pose = self._streams.odometry_pose(frame.stamp_ns)
+        if pose is not None:
+            self._trajectory.begin(frame.stamp_ns, pose)
+        for position in self._position_checks.values():
+            position.skip("no trusted odometry", odometry_lost=True)
 
     def _judge_positions(self, source: str, frame: Frame, estimate: VisualEstimate) -> Judgement:
         check = self._position_checks[source]
         due = self._streams.due_positions(source, frame.stamp_ns)
+        if estimate.inliers == 0:
+            lost = frame.stamp_ns - self._vouched_ns > _STANDS_NS
+            reason = f"nobody vouches for the odometry: {estimate.reason}"
+            return Judgement(result=check.skip(reason, odometry_lost=lost))
+        self._vouched_ns = frame.stamp_ns
         if self._odometry_accused:
             # The camera alone drifts too far to accuse a position by; whatever was learned ends here.
             self._position_checks[source] = check = self._new_position_check(source)
@@ -223,20 +236,20 @@ class DefaultProfile:
         if result is not None and result.status is Status.CONTRADICTED and self._odometry_may_lie(source):
             reason = f"{result.reason}; or the odometry lies: waiting for its own check"
             result = replace(result, status=Status.UNDECIDED, reason=reason)
-        if result is None:
-            result = self._between_claims(source, frame, "no trusted odometry" if due else "no claim")
-        elif estimate.inliers == 0 and result.status is Status.CONSISTENT:
-            result = check.skip(f"nobody vouches for the odometry: {estimate.reason}")
-        else:
+        if result is not None:
             self._last_positions[source] = frame.stamp_ns, result
+        elif due:
+            result = check.skip("no trusted odometry")
+        else:
+            result = self._between_claims(source, frame)
         return Judgement(result=result, onset_ns=check.evidence.onset_ns if check.evidence else None)
 
-    def _between_claims(self, source: str, frame: Frame, reason: str) -> CheckResult:
+    def _between_claims(self, source: str, frame: Frame) -> CheckResult:
         """Positions come more seldom than images: the last answer stands until it is a second old."""
         stamp_ns, last = self._last_positions.get(source, (0, None))
         if last is not None and frame.stamp_ns - stamp_ns <= _STANDS_NS:
             return last
-        return self._position_checks[source].skip(reason)
+        return self._position_checks[source].skip("no claim")
 
 
 def corroborated(judgements: list[Judgement]) -> list[Judgement]:

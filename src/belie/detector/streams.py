@@ -13,6 +13,9 @@ from belie.geometry import SE3
 from belie.types import Claim, MotionClaim, PoseClaim, PositionClaim
 
 MotionCheck = Literal["odometry", "twist", "imu"]
+_MOST_AHEAD_NS = 5_000_000_000  # of the frame: the slowest stream's next message, not a broken clock's
+_FARTHEST_M = 1e8
+_FASTEST = 1e4  # m/s and rad/s
 StreamKey = tuple[MotionCheck, str]  # what is checked, and the topic
 
 
@@ -24,7 +27,7 @@ class Streams:
     --------
     >>> streams = Streams()
     >>> streams.take([PoseClaim(source="/odom", frame_id="odom", stamp_ns=i * 10**8, received_ns=0,
-    ...                         T_odom_body=SE3.from_translation([0.1 * i, 0, 0])) for i in range(3)])
+    ...                         T_odom_body=SE3.from_translation([0.1 * i, 0, 0])) for i in range(3)], 0)
     >>> streams.motions(0, 10**8, SE3.identity())["odometry", "/odom"].t
     array([0.1, 0. , 0. ])
     """
@@ -34,9 +37,11 @@ class Streams:
     positions: dict[str, list[PositionClaim]] = field(default_factory=dict)
     odom_frame: str = ""
 
-    def take(self, claims: Iterable[Claim]) -> None:
-        """Sort new claims into their buffers."""
+    def take(self, claims: Iterable[Claim], now_ns: int) -> None:
+        """Sort new claims into their buffers; those that cannot be true of any robot or time are left out."""
         for claim in claims:
+            if claim.stamp_ns - now_ns > _MOST_AHEAD_NS or not _is_physical(claim):
+                continue
             if isinstance(claim, PoseClaim):
                 self.odom_frame = self.odom_frame or claim.frame_id
                 self.poses.setdefault(claim.source, ClaimBuffer()).add(claim)
@@ -53,6 +58,13 @@ class Streams:
         """``T_odom_body`` of the first odometry stream at `stamp_ns`."""
         source = next(iter(self.poses), None)
         return None if source is None else pose_at(self.poses[source], stamp_ns)
+
+    def odometry_motion(self, start_ns: int, stop_ns: int, T_body_cam: SE3) -> SE3 | None:
+        """The camera's motion between two stamps, as the first odometry stream claims it, or None."""
+        before, after = self.odometry_pose(start_ns), self.odometry_pose(stop_ns)
+        if before is None or after is None:
+            return None
+        return T_body_cam.inverse() @ before.inverse() @ after @ T_body_cam
 
     def motions(self, start_ns: int | None, stop_ns: int, T_body_cam: SE3) -> dict[StreamKey, SE3 | None]:
         """The camera's motion ``T_prev_cur`` between two stamps, as each stream claims it; None where it does not.
@@ -87,3 +99,13 @@ class Streams:
         due = [claim for claim in waiting if claim.stamp_ns <= stamp_ns]
         self.positions[source] = waiting[len(due) :]
         return due
+
+
+def _is_physical(claim: Claim) -> bool:
+    """Whether a claim lies within what any robot on Earth could mean; numbers beyond overflow what follows."""
+    if isinstance(claim, PoseClaim):
+        return float(np.abs(claim.T_odom_body.t).max()) < _FARTHEST_M
+    if isinstance(claim, PositionClaim):
+        return float(np.abs(claim.position_m).max()) < _FARTHEST_M
+    rates = [rate for rate in (claim.linear_m_s, claim.angular_rad_s) if rate is not None]
+    return all(float(np.abs(rate).max()) < _FASTEST for rate in rates)

@@ -21,6 +21,7 @@ from belie.types.features import Features
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.5  # breakdown point: with fewer, the motion may be that of a passing lorry
+_HIDDEN_TRANSLATION = 3.0  # rotation that a translation may fake, in units of the parallax it leaves
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -98,7 +99,7 @@ class VisualOdometry:
     def _forget_motion(self) -> None:
         self._T_cur_prev = SE3.identity()
         self._interval_ns = 0
-        self._stamp_ns = -1
+        self._stamp_ns: int | None = None
         self._has_scale = False
         self._unit = 1.0
         self._sigma_px = 0.2
@@ -107,9 +108,10 @@ class VisualOdometry:
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
         pyramid = build_pyramid(self._working_image(frame.image), self.tracking.levels)  # F_t
-        previous_ns, interval_ns = self._stamp_ns, frame.stamp_ns - self._stamp_ns
-        if not self._pyramid or previous_ns < 0:
+        previous_ns = self._stamp_ns
+        if previous_ns is None:
             return self._start(frame, pyramid)
+        interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
         found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
@@ -204,10 +206,12 @@ class VisualOdometry:
                 variance = pose.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2
                 self._has_scale = True
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
+        # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
+        mistaken = (_HIDDEN_TRANSLATION * float(np.median(parallax))) ** 2 + sigma * sigma / len(rays)
         residual = current - _project(rays @ R.T)
         return RelativePose(
             T_cur_prev=SE3(R, np.zeros(3)),
-            covariance=np.diag([_UNOBSERVED] * 3 + [spread] * 3) / self.settings.independent_corners,
+            covariance=np.diag([_UNOBSERVED] * 3 + [mistaken] * 3),
             inverse_depth=inverse_depth,
             inverse_depth_variance=variance,
             chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
