@@ -29,7 +29,7 @@ class ImuSettings(Settings):
     """Noise and systematic errors of an honest gyroscope."""
 
     rotation_noise_deg: float = Field(
-        0.06, gt=0.0,
+        0.08, gt=0.0,
         description="angle random walk [deg per sqrt(s)]: the 0.014 of a Bosch BMI055, its vibration, and the slow "
         "errors of the visual rotation",
     )  # fmt: skip

@@ -42,7 +42,7 @@ class OdometrySettings(Settings):
     )  # fmt: skip
     translation_floor_m: float = Field(0.0002, gt=0.0, description="the same at standstill [m a frame]")
     rotation_noise_deg: float = Field(
-        0.06,
+        0.08,
         gt=0.0,
         description="angle random walk of a claimed rotation [deg per sqrt(s)]: a MEMS gyroscope's 0.01 to 0.03, and "
         "the corrections of the odometry's own filter",

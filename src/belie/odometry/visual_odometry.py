@@ -20,7 +20,7 @@ from belie.types.features import Features
 
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
-_MAJORITY = 0.5  # breakdown point: with fewer, the motion may be that of a passing lorry
+_MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 _HIDDEN_TRANSLATION = 3.0  # rotation that a translation may fake, in units of the parallax it leaves
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
@@ -241,8 +241,9 @@ class VisualOdometry:
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4).
-        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05)
+        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4);
+        # squared, since the outliers of repeated texture and traffic agree among themselves.
+        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05) ** 2
         inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners) / sureness**2
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         agreeing = int(inliers.sum())
