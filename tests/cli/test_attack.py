@@ -46,7 +46,7 @@ def test_the_recording_itself_is_never_the_target(run, attacked):
     before = attacked.stat().st_mtime_ns
     result = run("attack", attacked, "odometry-freeze:start=60", "-o", attacked, "--force")
     assert result.exit_code == 2
-    assert "is the recording itself" in result.stderr
+    assert "would overwrite the recording itself" in result.stderr
     assert attacked.stat().st_mtime_ns == before
 
 

@@ -92,3 +92,12 @@ def test_debug_shows_the_traceback(run, monkeypatch):
     done = run("check", "none.mcap")
     assert "Traceback" in done.stderr
     assert done.exit_code == 2
+
+
+def test_a_recording_is_never_written_over(run, drive):
+    before = drive.stat().st_size
+    for flag in ("--json", "--report"):
+        done = run("check", drive, flag, drive)
+        assert done.exit_code == 2
+        assert "would overwrite the recording itself" in done.stderr
+    assert drive.stat().st_size == before

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from belie.cli.errors import keep_apart
 from belie.cli.options import CameraInfo, Image, Imu, Odometry, Position, Rate, Source
 
 
@@ -115,8 +116,7 @@ def _require_free(source: Path, output: Path, sidecar: Path, *, force: bool) -> 
 
     if output.suffix != ".mcap":
         raise RecordingError(f"-o {output}: the name must end in .mcap, the format that is written")
-    if output.exists() and source.exists() and output.samefile(source):
-        raise RecordingError(f"-o {output} is the recording itself; choose another name")
+    keep_apart(source, output, "-o")
     if output.is_dir():
         raise RecordingError(f"-o {output} is a folder; choose another name")
     taken = [str(path) for path in (output, sidecar) if path.exists()]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from belie.cli.errors import ALERT_RAISED
+from belie.cli.errors import ALERT_RAISED, keep_apart
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
@@ -101,7 +101,10 @@ def check(
         rate_hz=rate,
     )
     if report is not None:
+        keep_apart(source, report, "--report")
         _require_folder(report)
+    if json is not None and json != STDOUT:
+        keep_apart(source, json, "--json")
     with ExitStack() as stack:
         write = _json_writer(json, stack)
         bar_spoils_output = json == STDOUT and sys.stdout.isatty()

@@ -6,6 +6,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -53,6 +54,25 @@ class OneLineGroup(TyperGroup):
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
+
+
+def keep_apart(source: Path, output: Path, flag: str) -> None:
+    """Refuse to write onto the recording that is read, or into its folder.
+
+    Raises
+    ------
+    RecordingError
+        If `output` is `source`, or one of the files of the recording's own folder.
+
+    Examples
+    --------
+    >>> keep_apart(Path("drive.mcap"), Path("drive.html"), "--report")
+    """
+    from belie.types import RecordingError
+
+    target, origin = output.resolve(), source.resolve()
+    if target == origin or (target.exists() and origin in target.parents):
+        raise RecordingError(f"{flag} {output} would overwrite the recording itself; choose another name")
 
 
 def exit_code_of(error: BaseException) -> int:
