@@ -24,7 +24,7 @@ from belie.types import CheckResult, Claim, Frame, MountedCamera, Status, Visual
 
 _TESTS = 4  # odometry, twist, IMU and position share the stated false-alarm rate
 _DOUBT = 0.5  # of the threshold: evidence against the odometry that makes a position's accuser wait
-_MOST_WAITED = 3  # claims
+_MOST_WAITED = 2  # claims
 _STANDS_NS = 1_000_000_000
 _MOST_WITHHELD = 3  # frames: so long may the camera's doubts about itself protect a claim
 
