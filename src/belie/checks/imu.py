@@ -17,11 +17,12 @@ from pydantic import Field
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.residual_test import ResidualTest
 from belie.checks.sequential import Evidence, SequentialSettings
-from belie.checks.systematic import SystematicErrors
+from belie.checks.systematic import SystematicErrors, turn_correction
 from belie.geometry import FloatArray, so3_log
 from belie.types import CheckResult, Settings, Status, VisualEstimate
 
-_MOUNT, _GAIN, _BIAS = slice(0, 3), 3, slice(4, 7)
+_MOUNT, _GAIN, _BIAS, _CORRECTION = slice(0, 3), 3, slice(4, 7), slice(7, 10)
+_PARAMETERS = 10
 _AXES = ("pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)")
 
 
@@ -29,7 +30,7 @@ class ImuSettings(Settings):
     """Noise and systematic errors of an honest gyroscope."""
 
     rotation_noise_deg: float = Field(
-        0.08, gt=0.0,
+        0.05, gt=0.0,
         description="angle random walk [deg per sqrt(s)]: the 0.014 of a Bosch BMI055, its vibration, and the slow "
         "errors of the visual rotation",
     )  # fmt: skip
@@ -45,6 +46,12 @@ class ImuSettings(Settings):
         1.0, ge=0.0, description="bias at power-on [deg/s]; the BMI055's data sheet"
     )
     bias_walk_deg_s: float = Field(0.005, ge=0.0, description="how the bias wanders [deg/s per sqrt(s)]")
+    correction_gain: float = Field(
+        0.0125, ge=0.0,
+        description="slow errors that a turn leaves behind, in the visual rotation or in an inertial unit that "
+        "corrects itself, worked off in `correction_s` [deg/s per deg/s]",
+    )  # fmt: skip
+    correction_s: float = Field(3.0, gt=0.0, description="how long such an error lasts [s]")
     mount_sigma_deg: float = Field(
         3.0, ge=0.0, description="how askew the camera may sit against its stated mount [deg]"
     )
@@ -84,8 +91,10 @@ class ImuCheck:
     ) -> None:
         self.source = source
         self.settings = s = settings or ImuSettings()
-        prior = np.radians([s.mount_sigma_deg] * 3 + [np.degrees(s.gain_sigma)] + [s.bias_sigma_deg_s] * 3)
-        walk = np.radians([0.0] * 4 + [s.bias_walk_deg_s] * 3)
+        prior = np.radians(
+            [s.mount_sigma_deg] * 3 + [np.degrees(s.gain_sigma)] + [s.bias_sigma_deg_s] * 3 + [0.0] * 3
+        )
+        walk = np.radians([0.0] * 4 + [s.bias_walk_deg_s] * 3 + [0.0] * 3)
         self.test = ResidualTest(
             3,
             SystematicErrors(prior, walk),
@@ -109,12 +118,16 @@ class ImuCheck:
             )
             return self._answer(Status.UNDECIDED, reason, None)
         s, R = self.settings, estimate.T_prev_cur.R
-        self.test.errors.predict(interval_s)
+        keep, drive = np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
+        keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
+            R, interval_s, s.correction_gain, s.correction_s
+        )
+        self.test.errors.predict(interval_s, keep, drive)
         omega = so3_log(R)  # the seen one: a lie must not widen its own margin
-        H = np.zeros((3, 7))
+        H = np.zeros((3, _PARAMETERS))
         H[:, _MOUNT] = R.T - np.eye(3)
         H[:, _GAIN] = -omega
-        H[:, _BIAS] = np.eye(3) * interval_s
+        H[:, _BIAS] = H[:, _CORRECTION] = np.eye(3) * interval_s
         noise = np.array(estimate.covariance[3:, 3:])
         noise += np.eye(3) * math.radians(s.rotation_noise_deg) ** 2 * interval_s
         noise += (s.rotation_gain_noise**2 + 2.0 * (s.clock_jitter_s / interval_s) ** 2) * np.outer(

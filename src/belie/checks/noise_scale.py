@@ -9,9 +9,11 @@ lag-one correlation, which is learned from signs alone: for a Gaussian ``E[sign 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 from scipy.special import ndtri
 
@@ -19,24 +21,31 @@ from belie.geometry import FloatArray
 from belie.types import Settings
 
 _ONE_SIGMA = 0.6827  # of a Gaussian lies within one standard deviation
+_QUANTILE_ERROR = 0.8  # relative error of the 68 % quantile of n Gaussian values, times sqrt(n)
+_MEAN_SIZE = float(np.sqrt(2.0 / np.pi))  # mean of |x| of a standard Gaussian
 
 
 class NoiseScaleSettings(Settings):
     """How quickly, and how far, the noise model adapts to what is seen."""
 
     memory_frames: int = Field(
-        60, ge=10,
+        100, ge=10,
         description="believed frames that the scale is learned from [count]; its relative error is about "
         "0.8/sqrt(memory)",
     )  # fmt: skip
     recent_frames: int = Field(
-        20, ge=5,
+        12, ge=5,
         description="believed frames that suffice to see that the noise has fallen again, after a start-up, a turn "
-        "or a lie [count]",
+        "or a lie, and frames that show that it has risen [count]",
     )  # fmt: skip
     recent_caution: float = Field(
-        1.25, ge=1.0,
+        1.4, ge=1.0,
         description="factor on the scale of so few frames [1]: one and a half standard errors of it",
+    )  # fmt: skip
+    waiting_frames: int = Field(
+        8, ge=0,
+        description="believed frames that wait before they are learned from [count]: a lie that is found within them "
+        "never becomes noise",
     )  # fmt: skip
     prior_frames: int = Field(
         10, ge=1,
@@ -79,7 +88,7 @@ class NoiseScale:
     >>> rng = np.random.default_rng(0)
     >>> for _ in range(300): scale.learn(rng.normal(size=2) * (1.0, 2.0))
     >>> scale.value.round(1)
-    array([1.2, 1.6])
+    array([1.2, 2.1])
     """
 
     def __init__(self, components: int, settings: NoiseScaleSettings) -> None:
@@ -87,11 +96,16 @@ class NoiseScale:
         # what |x| of the prior noise looks like: evenly spaced quantiles
         p = (np.arange(settings.prior_frames) + 0.5) / settings.prior_frames
         self._prior = np.tile(settings.prior_scale * ndtri(0.5 + 0.5 * p)[:, None], (1, components))
+        self._waiting: deque[tuple[FloatArray, npt.NDArray[np.bool_]]] = deque()
         self._seen: deque[FloatArray] = deque(maxlen=settings.memory_frames)
+        self._settled: deque[npt.NDArray[np.bool_]] = deque(maxlen=settings.memory_frames)
+        self._last = np.full(components, np.nan)
+        self._differences: deque[FloatArray] = deque(maxlen=settings.recent_frames)
         self._untested = 0
         self._correlation = np.zeros(components)
         self._offset = np.zeros(components)
-        self._value = np.full(components, max(settings.prior_scale, settings.least_scale))
+        self._learned = np.full(components, max(settings.prior_scale, settings.least_scale))
+        self._value = self._learned
 
     @property
     def value(self) -> FloatArray:
@@ -111,9 +125,68 @@ class NoiseScale:
     @property
     def missing_frames(self) -> int:
         """How many believed frames are missing before the scale is known well enough."""
-        return max(0, self._settings.learning_frames - len(self._seen))
+        return max(0, self._settings.learning_frames - len(self._seen) - len(self._waiting))
 
-    def unknown(self) -> FloatArray:
+    def learn(
+        self,
+        x: FloatArray,
+        tested: npt.NDArray[np.bool_] | None = None,
+        settled: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Take in the normalised residual of a believed frame, shape (components,).
+
+        What was not `tested` says nothing; what is not `settled`, since a systematic error still dominates it, says
+        nothing of how noise is correlated. Both have shape (components,), and hold everywhere if they are not given.
+        """
+        self._see_difference(np.array(x) if tested is None else np.where(tested, x, np.nan))
+        seen = np.array(x) if tested is None else np.where(tested, x, self._unknown())
+        self._waiting.append((seen, np.ones(len(x), bool) if settled is None else settled))
+        if len(self._waiting) > self._settings.waiting_frames or self.missing_frames > 0:
+            seen, settled = self._waiting.popleft()
+            self._seen.append(seen)
+            self._settled.append(settled)
+            self._learn_seen()
+        self._value = np.maximum(self._learned, self._rough())
+
+    def reject(self) -> None:
+        """The frame is contradicted: what led up to it is not learned."""
+        self._waiting.clear()
+        self._last = np.full(len(self._last), np.nan)
+
+    def _learn_seen(self) -> None:
+        seen = np.array(self._seen)
+        limit = self._settings.most_offset * self._learned
+        self._offset = np.clip(np.median(np.concatenate([seen, 0.0 * self._prior]), axis=0), -limit, limit)
+        centred = seen - self._offset
+        caution = 1.0 + _QUANTILE_ERROR / math.sqrt(len(seen))
+        one_sigma = caution * _quantile(np.concatenate([np.abs(centred), self._prior]))
+        latest = centred * np.array(self._settled)
+        if len(seen) < self._settings.memory_frames:
+            # The start must not count for long: a filter that starts up is noisier, and errs one way for seconds.
+            recent = np.abs(centred[-self._settings.recent_frames :])
+            if len(recent) == self._settings.recent_frames:
+                one_sigma = np.minimum(one_sigma, self._settings.recent_caution * _quantile(recent))
+            latest = latest[-2 * self._settings.recent_frames :]
+        self._learned = np.maximum(one_sigma, self._settings.least_scale)
+        # relative to the variance that the tests assume: a small correlated part of a large one does no harm
+        share = _quantile(np.abs(latest)) / self._learned
+        self._correlation = _sign_correlation(latest) * np.minimum(share, 1.0) ** 2
+
+    def _see_difference(self, x: FloatArray) -> None:
+        """Note how far the residual has moved; one frame counts for no more than four standard deviations."""
+        difference = np.abs(x - self._last)
+        self._last = x
+        if np.isfinite(difference).any():
+            self._differences.append(np.minimum(difference, 4.0 * np.sqrt(2.0) * self._value))
+
+    def _rough(self) -> FloatArray:
+        """Scale from successive differences (von Neumann 1941): a steady lie leaves them as they were."""
+        if len(self._differences) < self._settings.recent_frames:
+            return np.zeros(len(self._value))
+        mean = np.nan_to_num(np.array(self._differences)).mean(axis=0)
+        return np.asarray(mean / (_MEAN_SIZE * np.sqrt(2.0 * (1.0 - np.minimum(self._correlation, 0.5)))))
+
+    def _unknown(self) -> FloatArray:
         """What to learn for a component that was not tested: noise as large as the prior's.
 
         Its signs go ``+ + - -``: neither an offset nor a correlation is learned from it.
@@ -122,29 +195,13 @@ class NoiseScale:
         sign = 1.0 if (self._untested // 2) % 2 else -1.0
         return np.full(len(self._value), sign * self._settings.prior_scale)
 
-    def learn(self, x: FloatArray) -> None:
-        """Take in the normalised residual of a believed frame, shape (components,)."""
-        self._seen.append(np.array(x))
-        seen = np.array(self._seen)
-        limit = self._settings.most_offset * self._value
-        self._offset = np.clip(np.median(np.concatenate([seen, 0.0 * self._prior]), axis=0), -limit, limit)
-        centred = seen - self._offset
-        one_sigma = self._one_sigma(centred)
-        if len(seen) > self._settings.recent_frames:
-            # The smaller one: what was noisy long ago is over, and what is noisy just now may be a lie.
-            recent = self._settings.recent_caution * self._one_sigma(centred[-self._settings.recent_frames :])
-            one_sigma = np.minimum(one_sigma, recent)
-        self._value = np.maximum(one_sigma, self._settings.least_scale)
-        # relative to the variance that the tests assume: a small correlated part of a large one does no harm
-        share = self._one_sigma(centred) / self._value
-        self._correlation = _sign_correlation(centred) * np.minimum(share, 1.0) ** 2
 
-    def _one_sigma(self, centred: FloatArray) -> FloatArray:
-        return np.asarray(np.quantile(np.concatenate([np.abs(centred), self._prior]), _ONE_SIGMA, axis=0))
+def _quantile(sizes: FloatArray) -> FloatArray:
+    return np.asarray(np.quantile(sizes, _ONE_SIGMA, axis=0))
 
 
 def _sign_correlation(x: FloatArray) -> FloatArray:
-    """Lag-one correlation of each column, shrunk towards zero by its own standard error.
+    """Lag-one correlation of each column, shrunk towards zero as James and Stein (1961) do.
 
     A negative one is as real: where each claimed position has an error of its own, consecutive steps share it with
     opposite signs.
@@ -154,5 +211,5 @@ def _sign_correlation(x: FloatArray) -> FloatArray:
         return np.zeros(x.shape[1])
     signs = np.sign(x)
     phi = np.sin(0.5 * np.pi * np.mean(signs[1:] * signs[:-1], axis=0))
-    shrunk = np.sign(phi) * np.maximum(np.abs(phi) - 1.0 / np.sqrt(n), 0.0)
+    shrunk = phi * np.maximum(1.0 - 1.0 / np.maximum(n * phi**2, 1e-9), 0.0)
     return np.asarray(np.clip(shrunk, -0.6, 0.9))

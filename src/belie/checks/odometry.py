@@ -20,15 +20,16 @@ from pydantic import Field
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.residual_test import ResidualTest
 from belie.checks.sequential import Evidence, SequentialSettings
-from belie.checks.systematic import SystematicErrors
+from belie.checks.systematic import SystematicErrors, turn_correction
 from belie.geometry import SE3, FloatArray, skew, so3_log
 from belie.types import CheckResult, Settings, Status, VisualEstimate
 
-_MOUNT, _LEVER, _GAIN, _SCALE = slice(0, 3), slice(3, 6), 6, 7
-_PARAMETERS = 8
+_MOUNT, _LEVER, _GAIN, _SCALE, _CORRECTION = slice(0, 3), slice(3, 6), 6, 7, slice(8, 11)
+_PARAMETERS = 11
 _COMPONENTS = (
     "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
     "pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)",
+    "along the motion (its length)",
 )  # fmt: skip
 
 
@@ -42,7 +43,7 @@ class OdometrySettings(Settings):
     )  # fmt: skip
     translation_floor_m: float = Field(0.0002, gt=0.0, description="the same at standstill [m a frame]")
     rotation_noise_deg: float = Field(
-        0.08,
+        0.05,
         gt=0.0,
         description="angle random walk of a claimed rotation [deg per sqrt(s)]: a MEMS gyroscope's 0.01 to 0.03, and "
         "the corrections of the odometry's own filter",
@@ -52,6 +53,14 @@ class OdometrySettings(Settings):
     )
     clock_jitter_s: float = Field(
         0.0005, ge=0.0, description="standard deviation between the clocks of claim and camera [s]"
+    )
+    correction_gain: float = Field(
+        0.0125, ge=0.0,
+        description="slow corrections of the heading that a turn brings about: error of the turn, worked off in "
+        "`correction_s` [deg/s per deg/s]",
+    )  # fmt: skip
+    correction_s: float = Field(
+        3.0, gt=0.0, description="how long an odometry's filter works off such an error [s]"
     )
     mount_sigma_deg: float = Field(
         3.0, ge=0.0, description="how askew the camera may sit against its stated mount [deg]"
@@ -109,10 +118,12 @@ class OdometryCheck:
     ) -> None:
         self.source, self.check = source, check
         self.settings = s = settings or OdometrySettings()
-        prior = np.array([np.radians(s.mount_sigma_deg)] * 3 + [s.lever_sigma_m] * 3 + [s.gain_sigma, 1.0])
-        walk = np.array([np.radians(s.mount_walk_deg)] * 3 + [0.0] * 3 + [0.0, s.scale_walk])
+        prior = np.array(
+            [np.radians(s.mount_sigma_deg)] * 3 + [s.lever_sigma_m] * 3 + [s.gain_sigma, 1.0] + [0.0] * 3
+        )
+        walk = np.array([np.radians(s.mount_walk_deg)] * 3 + [0.0] * 3 + [0.0, s.scale_walk] + [0.0] * 3)
         self.test = ResidualTest(
-            6,
+            len(_COMPONENTS),
             SystematicErrors(prior, walk),
             sequential or SequentialSettings(),
             noise or NoiseScaleSettings(),
@@ -130,7 +141,7 @@ class OdometryCheck:
     def noise_scales(self) -> dict[str, float]:
         """How many times noisier than its model each component of the claim is."""
         names = ("x", "y", "z", "pitch", "yaw", "roll")
-        return dict(zip(names, self.test.scales().tolist(), strict=True))
+        return dict(zip(names, self.test.scales()[:6].tolist(), strict=True))
 
     def update(self, estimate: VisualEstimate, T_prev_cur: SE3 | None) -> CheckResult:
         """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
@@ -141,17 +152,30 @@ class OdometryCheck:
                 estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
             )
             return self._undecided(reason)
-        self.test.errors.predict(np.array([interval_s] * (_PARAMETERS - 1) + [1.0]))
+        self._predict(estimate, interval_s)
         translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
         r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
-        tested = np.array([translates] * 3 + [True] * 3)
-        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s, tested)
+        tested = np.array([translates] * 3 + [True] * 3 + [translates])
+        # A change of scale shows along the motion, which is seldom an axis of the camera.
+        length = float(np.linalg.norm(estimate.T_prev_cur.t))
+        along = np.zeros((1, 6))
+        along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s, tested, along)
         self._accused = evidence.contradicted
         self.evidence = evidence
         if self._scale.log_m is not None:  # the scale's error is folded into the scale
             self._scale.log_m += float(self.test.errors.mean[_SCALE])
             self.test.errors.mean[_SCALE] = 0.0
         return self._result(estimate, evidence, translates, interval_s)
+
+    def _predict(self, estimate: VisualEstimate, interval_s: float) -> None:
+        """Let the systematic errors wander; a turn leaves an error that the claim's filter corrects later."""
+        exposure, keep, drive = np.full(_PARAMETERS, interval_s), np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
+        exposure[_SCALE] = 1.0
+        keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
+            estimate.T_prev_cur.R, interval_s, self.settings.correction_gain, self.settings.correction_s
+        )
+        self.test.errors.predict(exposure, keep, drive)
 
     def _know_scale(self, estimate: VisualEstimate, T_prev_cur: SE3) -> bool:
         scale = self._scale
@@ -185,6 +209,7 @@ class OdometryCheck:
         H[:3, _SCALE] = t
         H[3:, _MOUNT] = R.T - np.eye(3)
         H[3:, _GAIN] = -omega
+        H[3:, _CORRECTION] = interval_s * np.eye(3)
         A = np.zeros((6, 6))  # covariance of T exp(xi): translations turn with R
         A[:3, :3], A[3:, 3:] = (metric or 1.0) * R, np.eye(3)
         noise = A @ estimate.covariance @ A.T
@@ -205,7 +230,7 @@ class OdometryCheck:
         self, estimate: VisualEstimate, evidence: Evidence, translates: bool, interval_s: float
     ) -> CheckResult:
         floor = self.test.floor() / interval_s
-        turn = f"{math.degrees(float(floor[3:].max())):.2g} deg/s"
+        turn = f"{math.degrees(float(floor[3:6].max())):.2g} deg/s"
         text = f"{float(floor[:3].max()):.2g} m/s, {turn}" if translates else turn
         if evidence.contradicted:
             status = Status.CONTRADICTED

@@ -12,6 +12,8 @@ from belie.checks.sequential import CusumBank, Evidence, SequentialSettings
 from belie.checks.systematic import SystematicErrors
 from belie.geometry import FloatArray
 
+_SETTLED = 1.5  # times the noise: below it a residual's variance is not that of the systematic errors
+_FORETELLS = 4.0  # sigma: so much of a wild frame is expected to be in the next one too
 _ABSURD = 1e6  # sigma: beyond it, and where a claim overflows, a jump is a jump
 
 
@@ -23,7 +25,7 @@ class ResidualTest:
     Parameters
     ----------
     components : int
-        Length of the residual.
+        Length of the residual, and how many more directions of it are tested.
     errors : SystematicErrors
         Parameters that may explain a steady residual.
     tests : int
@@ -75,13 +77,19 @@ class ResidualTest:
         stamp_ns: int,
         interval_s: float,
         tested: npt.NDArray[np.bool_] | None = None,
+        directions: FloatArray | None = None,
     ) -> Evidence:
         """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`.
 
-        Components that are not `tested`, shape (m,), prove nothing, and nothing is learned of their noise.
+        Components that are not `tested`, shape (components,), prove nothing, and nothing is learned of their noise.
+        What is tested beyond the m components of the residual is what it has along `directions`, shape
+        (components - m, m).
         """
         self._interval_s = interval_s
-        innovation, S = self.errors.innovation(r, H, noise)
+        m = len(r)
+        view = np.eye(m) if directions is None else np.concatenate([np.eye(m), directions])
+        plain, S_plain = self.errors.innovation(r, H, noise)
+        innovation, S, noise = view @ plain, view @ S_plain @ view.T, view @ noise @ view.T
         scale = self._scale.value
         scaled = S + np.outer(scale, scale) * noise - noise
         self.sigma = np.sqrt(np.diag(scaled))
@@ -91,12 +99,14 @@ class ResidualTest:
             x = np.where(tested, x, 0.0)
         white = (x - self._scale.correlation * self._previous) / np.sqrt(1.0 - self._scale.correlation**2)
         evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
-        self._previous = x
-        if not evidence.contradicted:
+        self._previous = np.clip(x, -_FORETELLS, _FORETELLS)
+        if evidence.contradicted:
+            self._scale.reject()
+        else:
             self._learned_s += interval_s
-            seen = innovation / np.sqrt(np.diag(S))
-            self._scale.learn(seen if tested is None else np.where(tested, seen, self._scale.unknown()))
-            self.errors.learn(innovation, scaled, H)
+            settled = np.diag(S) < _SETTLED * np.diag(noise)
+            self._scale.learn(innovation / np.sqrt(np.diag(S)), tested, settled)
+            self.errors.learn(plain, scaled[:m, :m], H, self._bank.calm)
         return evidence
 
     def scales(self) -> FloatArray:

@@ -34,9 +34,9 @@ class SequentialSettings(Settings):
         description="sizes of the lies that the CUSUM bank is best at [standard deviations a frame]",
     )  # fmt: skip
     clip_sigma: float = Field(
-        4.0, gt=1.0,
+        3.5, gt=1.0,
         description="one frame counts for no more than this [standard deviations]: residuals have heavier tails "
-        "than a Gaussian, and one frame proves little",
+        "than a Gaussian; one frame proves little, nor do the two that a bump in the road lasts",
     )  # fmt: skip
     jump_sigma: float = Field(
         15.0, gt=3.0,
@@ -132,6 +132,11 @@ class CusumBank:
     def thresholds(self) -> FloatArray:
         """Threshold of each shift, nats, shape (len(shifts),)."""
         return self._thresholds
+
+    @property
+    def calm(self) -> float:
+        """How far the evidence is from an accusation: 1 without any, 0 at a threshold."""
+        return 1.0 - min(1.0, float(np.max(self._sums / self._thresholds)))
 
     def _set_rate(self, interval_s: float) -> None:
         if abs(interval_s - self._interval_s) <= 0.2 * self._interval_s:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from belie.geometry import FloatArray
+from belie.geometry import FloatArray, so3_log
 
 _TRUSTED_SIGMA = 1.5
 
@@ -42,28 +42,44 @@ class SystematicErrors:
         self._prior = prior_sigma**2
         self._walk = walk_sigma**2
 
-    def predict(self, exposure: FloatArray | float) -> None:
-        """Let the parameters wander; `exposure` is time, distance or frames, one number or one each."""
-        grown = np.diag(self.covariance) + self._walk * exposure
+    def predict(
+        self, exposure: FloatArray | float, keep: FloatArray | float = 1.0, drive: FloatArray | float = 0.0
+    ) -> None:
+        """Let the parameters wander.
+
+        `exposure` is time, distance or frames; `keep` is the share of a parameter that is left (a first-order
+        Gauss-Markov process), `drive` a variance that is added. Each is one number, or one for every parameter.
+        """
+        kept = np.broadcast_to(keep, self.mean.shape)
+        self.mean = kept * self.mean
+        P = np.outer(kept, kept) * self.covariance
+        before = np.diag(P)
         # Nothing wanders further than it could have been at the start.
-        bounded = np.minimum(grown, np.maximum(self._prior, np.diag(self.covariance)))
-        self.covariance = self.covariance + np.diag(bounded - np.diag(self.covariance))
+        wandered = np.minimum(before + self._walk * exposure, np.maximum(self._prior, before))
+        self.covariance = P + np.diag(wandered + drive - before)
 
     def innovation(self, r: FloatArray, H: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residual that the parameters do not explain, shape (m,), and its covariance, shape (m, m)."""
         return r - H @ self.mean, H @ self.covariance @ H.T + noise
 
-    def learn(self, innovation: FloatArray, S: FloatArray, H: FloatArray) -> None:
-        """Kalman update; the further beyond 1.5 sigma an innovation is, the less it moves the parameters.
+    def learn(self, innovation: FloatArray, S: FloatArray, H: FloatArray, calm: float = 1.0) -> None:
+        """Kalman update; the further beyond 1.5 sigma a vector is, the less it moves the parameters.
+
+        `calm` is 1 without evidence of a lie, 0 where it suffices for an accusation.
+        Residuals are made of vectors of three, translations and rotations: a wild rotation is no reason to learn
+        nothing from the translation.
 
         A filter that starts up, a pothole, a lie not yet found: none of them is the camera's mount.
         """
-        size = np.sqrt(max(float(innovation @ np.linalg.solve(S, innovation)) / len(innovation), 1e-12))
-        weight = min(1.0, (_TRUSTED_SIGMA / size) ** 2)
+        vectors = (innovation**2 / np.diag(S)).reshape(-1, 3 if len(innovation) % 3 == 0 else len(innovation))
+        size = np.repeat(np.sqrt(vectors.mean(axis=1)), vectors.shape[1])
+        doubt = np.maximum(1.0, size / _TRUSTED_SIGMA)
         # S - H P H' is the noise that S was made of; less weight is more noise.
         explained = H @ self.covariance @ H.T
-        noise = (S - explained) / weight
+        noise = (S - explained) * np.outer(doubt, doubt)
         gain = np.linalg.solve(explained + noise, H @ self.covariance).T
+        # While evidence gathers, what has a prior learns half as fast: it may be a lie. What a turn left behind is not.
+        gain = gain * np.where(self._prior > 0.0, 0.5 + 0.5 * calm, 1.0)[:, None]
         self.mean = self.mean + gain @ innovation
         A = np.eye(len(self.mean)) - gain @ H  # Joseph's form keeps the covariance positive
         P = A @ self.covariance @ A.T + gain @ noise @ gain.T
@@ -74,3 +90,21 @@ class SystematicErrors:
         self.covariance[index, :] = 0.0
         self.covariance[:, index] = 0.0
         self.covariance[index, index] = sigma**2
+
+
+def turn_correction(
+    R_prev_cur: FloatArray, interval_s: float, gain: float, lasts_s: float
+) -> tuple[float, float]:
+    """How a slow correction after a turn evolves in a frame: the share that is left, and the variance that is added.
+
+    A turn is measured with a relative error, and an inertial filter works that error off over seconds, long after
+    the turn: a rate error that is steady for tens of frames, a first-order Gauss-Markov process whose stationary
+    standard deviation is `gain` times the rate of the turn (rad/s).
+
+    >>> share, variance = turn_correction(np.eye(3), 0.1, 0.01, 3.0)
+    >>> round(share, 3), variance
+    (0.967, 0.0)
+    """
+    share = float(np.exp(-interval_s / lasts_s))
+    rate_rad_s = float(np.linalg.norm(so3_log(R_prev_cur))) / interval_s
+    return share, (1.0 - share**2) * (gain * rate_rad_s) ** 2
