@@ -15,7 +15,7 @@ from collections import deque
 import numpy as np
 
 from belie.checks.position_settings import PositionSettings
-from belie.checks.running_scale import RunningScale
+from belie.checks.running_scale import FEW, FEW_CAUTION, RunningScale
 from belie.geometry import FloatArray
 
 _LONG_LAG_S = 1.0
@@ -72,7 +72,7 @@ class PositionNoise:
     def walk_m(self, unit_m: FloatArray) -> FloatArray:
         """Intensity w of the slow part, m per sqrt(s), shape (3,)."""
         short = np.array([scale.value for scale in self._short]) ** 2
-        long = np.array([scale.value for scale in self._long]) ** 2
+        long = self._long_scale(unit_m) ** 2
         # Two standard errors of fast noise are no evidence of wander: it would cost power for nothing. Where
         # what is seen is not independent it is no fast noise, but then it says little of how large it can be.
         count = max(self._long[0].count, 1)
@@ -85,6 +85,15 @@ class PositionNoise:
         seen = 2.0 * likely / self._lag_difference_s
         promised = 2.0 * np.maximum(self._least**2, np.minimum(long, short)) / self._settings.multipath_time_s
         return np.asarray(np.sqrt(np.maximum(seen, promised)) * unit_m)
+
+    def _long_scale(self, unit_m: FloatArray) -> FloatArray:
+        """Scale over the long lag; before it has passed, a bound from all the claims that there are."""
+        scale = np.array([scale.value for scale in self._long])
+        if self._long[0].count >= FEW or self._short[0].count < FEW or len(self._past) < FEW:
+            return scale
+        past = np.array([difference_m for _, difference_m in self._past])
+        reach = np.abs(past - past[0]).max(axis=0) / (np.sqrt(2.0) * unit_m)
+        return np.asarray(np.minimum(scale, FEW_CAUTION * reach))
 
     def learn(self, stamp_ns: int, difference_m: FloatArray, unit_m: FloatArray) -> None:
         """Take in position minus odometry of a believed claim, shape (3,), both in one frame."""

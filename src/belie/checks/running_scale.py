@@ -12,6 +12,8 @@ from bisect import bisect_left, insort
 from collections import deque
 
 _ONE_SIGMA = 0.6827
+# The largest of five Gaussian values is below a third of sigma once in 800 times.
+FEW, FEW_CAUTION = 5, 3.0
 
 
 class RunningScale:
@@ -58,8 +60,12 @@ class RunningScale:
 
     @property
     def value(self) -> float:
-        """The scale; the prior until enough is known."""
-        return self._prior if self.missing > 0 else max(self._quantile(), self._least)
+        """The scale; until enough is known the prior, or what a few values can bound it to: enough to see jumps."""
+        if self.missing == 0:
+            return max(self._quantile(), self._least)
+        if len(self._sizes) < FEW:
+            return self._prior
+        return min(self._prior, max(FEW_CAUTION * self._sizes[-1], self._least))
 
     @property
     def correlation(self) -> float:
