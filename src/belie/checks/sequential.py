@@ -183,7 +183,7 @@ class CusumBank:
         if is_jump and worst <= 1.0:
             evidence = Evidence(
                 contradicted=True, statistic=jump, threshold=s.jump_sigma**2, unit="chi2",
-                component=largest, onset_ns=stamp_ns,
+                component=largest, onset_ns=int(self._since_ns[largest, 0 if x[largest] > 0.0 else 1, -1]),
             )  # fmt: skip
         if over and not held_before:
             self._accusation = evidence
