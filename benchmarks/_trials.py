@@ -5,16 +5,19 @@ from __future__ import annotations
 import copy
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
 from _recordings import MemoryRecording
 from belie.attacks import AttackLabel, attack
 from belie.detector import Config, Detector
+from belie.detector.default_profile import DefaultProfile
 from belie.evaluation.score import RaisedAlert, score, wilson_interval
-from belie.types import PositionClaim, Status, Step, Verdict
+from belie.odometry import VisualOdometry
+from belie.types import Frame, PositionClaim, Status, Step, Verdict, VisualEstimate
 
 # Frames run past those allowed: the first false position may be stamped a few frames after the onset.
 _MORE_FRAMES = 4
@@ -67,6 +70,17 @@ class FalseAlert:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """Stands in for the visual odometry on frames that it has seen before."""
+
+    estimates: Mapping[int, VisualEstimate]
+
+    def update(self, frame: Frame) -> VisualEstimate:
+        """The estimate of this very frame."""
+        return self.estimates[id(frame)]
+
+
 @dataclass
 class HonestRun:
     """A detector run once over an honest recording, its state kept before every frame in `keep`."""
@@ -76,6 +90,7 @@ class HonestRun:
     keep: Sequence[int] = ()
     verdicts: list[Verdict] = field(default_factory=list)
     _states: dict[int, Detector] = field(default_factory=dict)
+    _estimates: dict[int, VisualEstimate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         detector = Detector(self.recording.cameras, self.config)
@@ -84,6 +99,8 @@ class HonestRun:
             if index in wanted:
                 self._states[index] = copy.deepcopy(detector)
             self.verdicts.append(detector.update(step.frame, step.claims))
+            if detector.estimate is not None:
+                self._estimates[id(step.frame)] = detector.estimate
 
     @property
     def false_alerts(self) -> list[FalseAlert]:
@@ -109,6 +126,9 @@ class HonestRun:
             return None
         start = max(index for index in self._states if index <= first)
         detector = copy.deepcopy(self._states[start])
+        if label.stream != "camera" and isinstance(detector._profile, DefaultProfile):
+            # The default profile's eyes never see a claim: what they saw is what they would see again.
+            detector._profile._odometry = cast("VisualOdometry", Remembered(self._estimates))
         verdicts: list[Verdict] = []
         for step in steps[start:]:
             verdicts.append(detector.update(step.frame, step.claims))
