@@ -26,10 +26,18 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
 from belie.geometry import SE3, FloatArray
-from belie.recordings import messages, topics
+from belie.recordings import messages, topics, vision_messages
 from belie.recordings.geodesy import GeodeticPoint
 from belie.recordings.recording import BodyAxes, Recording
-from belie.types import MotionClaim, MountedCamera, PoseClaim, PositionClaim, RecordingError, Step
+from belie.types import (
+    DetectionClaim,
+    MotionClaim,
+    MountedCamera,
+    PoseClaim,
+    PositionClaim,
+    RecordingError,
+    Step,
+)
 
 ImageEncoding = Literal["png", "mono8", "jpeg"]
 
@@ -191,6 +199,9 @@ class _Output:
                 self._put(_ros_name(claim.source, "/odom"), topics.ODOMETRY, message, claim.received_ns)
             elif isinstance(claim, PositionClaim):
                 self._position(claim)
+            elif isinstance(claim, DetectionClaim):
+                kind, message = vision_messages.detections(claim, CAMERA_FRAME)
+                self._put(_ros_name(claim.source, "/detections"), kind, message, claim.received_ns)
             elif claim.kind == "imu":
                 message = messages.imu(claim, self.body)
                 self._put(_ros_name(claim.source, "/imu"), topics.IMU, message, claim.received_ns)
