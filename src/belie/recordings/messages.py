@@ -15,7 +15,7 @@ from belie.types import GrayImage, MotionClaim, PoseClaim, PositionClaim
 
 STORE = get_typestore(Stores.LATEST)
 
-_JPEG_QUALITY = 95
+JPEG_QUALITY = 95
 _UNMEASURED = np.full(3, np.nan)
 
 
@@ -168,7 +168,9 @@ def camera_info(camera: CameraModel, stamp_ns: int, frame_id: str) -> Any:
     )
 
 
-def image(gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str) -> Any:
+def image(
+    gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str, jpeg_quality: int = JPEG_QUALITY
+) -> Any:
     """``sensor_msgs/Image`` (mono8) or ``CompressedImage`` (png, jpeg)."""
     if encoding == "mono8":
         return new(
@@ -186,7 +188,7 @@ def image(gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str) -> Any:
         _, data = cv2.imencode(".png", gray, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         payload = np.asarray(data, dtype=np.uint8).ravel()
     else:
-        packed = simplejpeg.encode_jpeg(np.ascontiguousarray(gray)[:, :, None], _JPEG_QUALITY, "GRAY", "Gray")
+        packed = simplejpeg.encode_jpeg(np.ascontiguousarray(gray)[:, :, None], jpeg_quality, "GRAY", "Gray")
         payload = np.frombuffer(packed, np.uint8)
     return new(
         "sensor_msgs/msg/CompressedImage",
