@@ -60,7 +60,8 @@ class ClaimedState:
         self._tau_s = correction_s
         self._past: deque[tuple[int, SE3, float]] = deque()
         self._odometry: PoseClaim | None = None
-        self._yaw_rate: tuple[int, float] | None = None
+        self._rates: deque[tuple[int, float]] = deque()
+        self._gyro_bias, self._compared = 0.0, 0
         self._corrected_ns: dict[str, int] = {}
         self.untrusted: frozenset[str] = frozenset()
 
@@ -81,13 +82,23 @@ class ClaimedState:
         self.untrusted = self.untrusted | {source}
         if self._odometry is None or source != self._odometry.source:
             return
-        before = [entry for entry in self._past if entry[0] <= since_ns]
-        if before:
-            _, self.T_world_body, self.speed_m_s = before[-1]
-            after = [entry for entry in self._past if entry[0] > since_ns]
-            if after:  # the way since then, straight on: short, and the gyroscope was not kept
-                travelled_s = (after[-1][0] - before[-1][0]) * 1e-9
-                self._move(self.speed_m_s * travelled_s, 0.0)
+        honest = [entry for entry in self._past if entry[0] < since_ns] or list(self._past)[:1]
+        if not honest:
+            return
+        since_ns, self.T_world_body, self.speed_m_s = honest[-1]
+        last_ns = since_ns
+        for stamp_ns, rate in self._rates:
+            if stamp_ns > since_ns:
+                self._reckon((stamp_ns - last_ns) * 1e-9, rate)
+                last_ns = stamp_ns
+
+    def slow_down(self, deceleration_m_s2: float, interval_s: float) -> None:
+        """Take one's own braking into account, where nobody else is trusted to tell the speed."""
+        if self._odometry is not None and self._odometry.source in self.untrusted:
+            self.speed_m_s = max(0.0, self.speed_m_s - deceleration_m_s2 * interval_s)
+
+    def _reckon(self, interval_s: float, yaw_rate: float) -> None:
+        self._move(self.speed_m_s * interval_s, (yaw_rate - self._gyro_bias) * interval_s)
 
     def _move(self, distance_m: float, turn_rad: float) -> None:
         step = SE3(so3_exp(np.array([0.0, 0.0, turn_rad])), np.array([distance_m, 0.0, 0.0]))
@@ -103,15 +114,22 @@ class ClaimedState:
         # Forward speed from the steps, smoothed over a tenth of a second: single steps are noisy.
         share = 1.0 - math.exp(-interval_s / 0.1)
         self.speed_m_s += share * (float(step.t[0]) / interval_s - self.speed_m_s)
+        self._learn_bias(float(step.log()[5]) / interval_s)
         self._remember(claim.stamp_ns)
 
+    def _learn_bias(self, yaw_rate: float) -> None:
+        """The gyroscope's bias against the odometry: the mean of up to the last five seconds."""
+        if self._rates:
+            self._compared = min(self._compared + 1, 250)
+            self._gyro_bias += (self._rates[-1][1] - yaw_rate - self._gyro_bias) / self._compared
+
     def _turn(self, stamp_ns: int, yaw_rate: float) -> None:
-        """Dead reckoning on gyroscope and own speed, once the odometry is not trusted."""
-        last, self._yaw_rate = self._yaw_rate, (stamp_ns, yaw_rate)
-        if last is None or self._odometry is None or self._odometry.source not in self.untrusted:
-            return
-        interval_s = (stamp_ns - last[0]) * 1e-9
-        self._move(self.speed_m_s * interval_s, yaw_rate * interval_s)
+        last = self._rates[-1] if self._rates else None
+        self._rates.append((stamp_ns, yaw_rate))
+        while self._rates[0][0] < stamp_ns - _KEPT_NS:
+            self._rates.popleft()
+        if last is not None and self._odometry is not None and self._odometry.source in self.untrusted:
+            self._reckon((stamp_ns - last[0]) * 1e-9, yaw_rate)
 
     def _correct(self, claim: PositionClaim) -> None:
         if not self._past:
