@@ -78,11 +78,15 @@ class PlaneRenderer:
         for plane, picture in zip(PLANES, self.pictures, strict=True):
             corner, a, b = (np.array(x, float) for x in plane)
             normal = np.cross(a, b)
+            if a[0] == 0.0 and not 0.0 < corner[0] - T_world_cam.t[0] < 45.0 and corner[0] < 190.0:
+                continue  # a box behind, or too far to matter
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = ((corner - T_world_cam.t) @ normal) / (rays @ normal)
             hit = T_world_cam.t + rays * depth[..., None] - corner
             s, t = hit @ a / (a @ a), hit @ b / (b @ b)
             seen = (depth > 0.05) & (depth < nearest) & (s >= 0) & (s < 1) & (t >= 0) & (t < 1)
+            if not seen.any():
+                continue
             x = (s * (picture.shape[1] - 1)).astype(np.float32)
             y = (t * (picture.shape[0] - 1)).astype(np.float32)
             image[seen] = cv2.remap(picture, x, y, cv2.INTER_LINEAR)[seen]
@@ -144,17 +148,21 @@ def make_actor(id, x, y, label="car"):
     )
 
 
+@contextmanager
+def open_plane_stage(scenario, world) -> Iterator[Stage]:
+    weather = SimpleNamespace(visibility_m=None, is_dark=False)
+    renderer = PlaneRenderer(world, scenario.camera_model())
+    yield Stage(scenario, world, renderer, weather=weather, labels=label_of)
+
+
 @pytest.fixture
 def made():
     """A made world, and how to open a stage on it."""
     opened = []
 
-    @contextmanager
-    def open_stage(scenario, world) -> Iterator[Stage]:
+    def open_stage(scenario, world):
         opened.append(True)
-        weather = SimpleNamespace(visibility_m=None, is_dark=False)
-        renderer = PlaneRenderer(world, scenario.camera_model())
-        yield Stage(scenario, world, renderer, weather=weather, labels=label_of)
+        return open_plane_stage(scenario, world)
 
     def scenario(**changes):
         values = {

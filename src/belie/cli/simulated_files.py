@@ -179,7 +179,7 @@ class Watcher:
         self._poses.append((view.frame.stamp_ns, view.T_world_body))
         if self._preview is not None:
             self._preview.add(view)
-        if self._files.depth is not None:
+        if self._files.depth is not None and view.rendered.depth_m is not None:
             write_depth(self._files.depth, view.index, view.rendered.depth_m)
 
     def write_truth(self) -> None:

@@ -40,7 +40,7 @@ class DriverSettings(Settings):
 
 
 class ClaimedState:
-    """Where the vehicle believes to be: odometry added up, and slowly corrected by positions.
+    """Where the vehicle believes to be: odometry added up, and slowly corrected by a localisation if it has one.
 
     A second-order observer (Luenberger) with both poles at ``-1 / correction_s``: the position error e corrects the
     position by ``2 e / tau`` and, by its part across the way, the heading by ``e / (v tau²)``.
@@ -72,8 +72,8 @@ class ClaimedState:
                 continue
             if isinstance(claim, PoseClaim):
                 self._step(claim)
-            elif isinstance(claim, PositionClaim):
-                self._correct(claim)
+            elif isinstance(claim, PositionClaim) and claim.kind == "localisation":
+                self._correct(claim)  # a lane is too narrow for GNSS
             elif isinstance(claim, MotionClaim) and claim.kind == "imu" and claim.angular_rad_s is not None:
                 self._turn(claim.stamp_ns, float(claim.angular_rad_s[2]))
 

@@ -52,12 +52,12 @@ class SimulatedRecording:
         *,
         on_view: Callable[[View], None] | None = None,
         world: World | None = None,
-        stage_opener: StageOpener = open_stage,
+        stage_opener: StageOpener | None = None,
     ) -> None:
         self.scenario = scenario
         self.path = Path(f"{scenario.scene}-{scenario.manoeuvre}-{scenario.weather}")
         self.world = build_world(scenario) if world is None else world
-        self._on_view, self._open = on_view, stage_opener
+        self._on_view, self._open = on_view, stage_opener or open_stage
         self._claims: list[tuple[Claim, ...]] = []
 
     @cached_property

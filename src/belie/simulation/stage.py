@@ -142,10 +142,12 @@ def open_stage(scenario: Scenario, world: World) -> Iterator[Stage]:
     MissingExtraError
         Without ``moderngl``.
     """
+    from belie.simulation.imaging import ImagingSettings
     from belie.simulation.labels import object_labels
     from belie.simulation.renderer import Renderer
     from belie.simulation.weather import WEATHERS
 
     weather = WEATHERS[scenario.weather]
-    with Renderer(world, scenario.camera_model(), weather, scenario.seed) as renderer:
+    imaging = ImagingSettings(rolling_shutter=scenario.rolling_shutter)
+    with Renderer(world, scenario.camera_model(), weather, scenario.seed, imaging) as renderer:
         yield Stage(scenario, world, renderer, weather=weather, labels=object_labels)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from belie.geometry import SE3, FloatArray
+from belie.geometry import SE3
 from belie.types import RecordingError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def write_objects(path: Path, lines: Iterable[str]) -> None:
     _write(path, "".join(f"{line}\n" for line in lines))
 
 
-def write_depth(folder: Path, index: int, depth_m: FloatArray) -> None:
+def write_depth(folder: Path, index: int, depth_m: npt.NDArray[np.floating]) -> None:
     """Write one depth image, 16 bit, 256 a metre (as KITTI's): along the optical axis; 0 where there is nothing.
 
     Examples

@@ -85,6 +85,7 @@ class Imu:
         self._gyro_bias = math.radians(s.gyro_bias_deg_s) * rng.normal(size=3)
         self._gain = 1.0 + s.gyro_scale * rng.normal(size=3)
         self._force_bias = s.accelerometer_bias_m_s2 * rng.normal(size=3)
+        self._velocity: FloatArray | None = None
         self._gyro_sigma = math.radians(s.gyro_noise_deg_s_rt_hz) * math.sqrt(s.rate_hz)
         self._force_sigma = s.accelerometer_noise_m_s2_rt_hz * math.sqrt(s.rate_hz)
 
@@ -97,8 +98,11 @@ class Imu:
         walk = math.sqrt(1.0 / s.rate_hz)
         self._gyro_bias = self._gyro_bias + math.radians(s.gyro_walk_deg_s2_rt_hz) * walk * rng.normal(size=3)
         self._force_bias = self._force_bias + s.accelerometer_walk_m_s3_rt_hz * walk * rng.normal(size=3)
-        _, angular = motion.twist(t_s)
-        force = specific_force(motion, t_s, 1.0 / s.rate_hz)
+        linear, angular = motion.twist(t_s)
+        R_world_body = motion.T_world_body(t_s).R
+        velocity = R_world_body @ linear
+        force = specific_force(R_world_body, velocity, self._velocity, 1.0 / s.rate_hz)
+        self._velocity = velocity
         stamp_ns = self._sampling.stamp_ns(t_s)
         covariance = np.zeros((6, 6))
         covariance[3:, 3:] = self._gyro_sigma**2 * np.eye(3)
@@ -113,18 +117,26 @@ class Imu:
         )
 
 
-def specific_force(motion: Motion, t_s: float, interval_s: float) -> FloatArray:
-    """What an ideal accelerometer feels over the interval that ends at `t_s`: acceleration less gravity, body axes.
+def specific_force(
+    R_world_body: FloatArray, velocity: FloatArray, velocity_before: FloatArray | None, interval_s: float
+) -> FloatArray:
+    """What an ideal accelerometer feels over an interval: acceleration less gravity, in body axes.
 
     The past alone is asked for, so that it can be felt while driving; before the start the body moved evenly.
+
+    Parameters
+    ----------
+    R_world_body : array (3, 3)
+        Attitude at the interval's end.
+    velocity, velocity_before : array (3,)
+        Of the body, world axes, at the interval's end and beginning (None: the same).
+    interval_s : float
+        Its length.
+
+    Examples
+    --------
+    >>> specific_force(np.eye(3), np.array([0.1, 0.0, 0.0]), np.zeros(3), 0.1)
+    array([1.     , 0.     , 9.80665])
     """
-
-    def velocity_world(at_s: float) -> FloatArray:
-        linear, _ = motion.twist(at_s)
-        return motion.T_world_body(at_s).R @ linear
-
-    before_s = max(0.0, t_s - interval_s)
-    acceleration = np.zeros(3)
-    if t_s > before_s:
-        acceleration = (velocity_world(t_s) - velocity_world(before_s)) / (t_s - before_s)
-    return np.asarray(motion.T_world_body(t_s).R.T @ (acceleration + GRAVITY_M_S2))
+    before = velocity if velocity_before is None else velocity_before
+    return np.asarray(R_world_body.T @ ((velocity - before) / interval_s + GRAVITY_M_S2))
