@@ -94,7 +94,7 @@ def test_the_imu_feels_gravity_and_the_turn():
 
 def test_wheel_odometry_drifts_as_stated():
     errors = []
-    for seed in range(40):
+    for seed in range(12):
         claims = WheelOdometry(WheelOdometrySettings(), start_ns=0, seed=seed).claims_until(Circling(), 10.0)
         pose, twist = claims[-2], claims[-1]
         true = Circling().T_world_body(10.0)
@@ -182,7 +182,7 @@ def test_misses_grow_with_distance_fog_darkness_and_occlusion():
 
 
 def test_misses_come_in_runs_and_at_the_stated_share():
-    claims = watch([label()], frames=40_000, miss=0.05, false_positives=0.0)
+    claims = watch([label()], frames=15_000, miss=0.05, false_positives=0.0)
     missed = np.array([not claim.detections for claim in claims])
     assert missed.mean() == pytest.approx(0.05, abs=0.01)
     runs = np.diff(np.flatnonzero(np.diff(np.r_[0, missed, 0])))[::2]
@@ -209,7 +209,7 @@ def test_boxes_and_positions_are_near_the_truth():
 
 
 def test_things_that_are_not_there_are_few_and_short():
-    claims = watch([], frames=20_000, false_positives=0.03, false_positive_frames=1.5)
+    claims = watch([], frames=10_000, false_positives=0.03, false_positive_frames=1.5)
     lives = {}
     for claim in claims:
         for detection in claim.detections:
