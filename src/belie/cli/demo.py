@@ -23,12 +23,12 @@ DRIVE = "demo_drive.mcap"
 # What lies, when, and in plain words; the first two seconds of a stream teach the check how noisy it is.
 ATTACKS = (
     (
-        "odometry-offset:axis=left,rate=0.2,start=5s,stop=6s",
-        "odometry drifts 0.2 m a frame to the left for a second",
+        "position-offset:axis=x,magnitude=3,start=6s,stop=7.5s",
+        "GNSS jumps 3 m to the east for a second and a half",
     ),
     (
-        "position-offset:axis=forward,magnitude=6,start=9s,stop=10.5s",
-        "GNSS jumps 6 m ahead for a second and a half",
+        "odometry-offset:axis=left,rate=0.2,start=9s,stop=10s",
+        "odometry drifts 0.2 m a frame to the left for a second",
     ),
 )
 NOT_CAUGHT = 1

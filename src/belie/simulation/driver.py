@@ -13,6 +13,8 @@ from belie.geometry import SE3, FloatArray, so3_exp
 from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim, Settings
 
 _KEPT_NS = 3_000_000_000
+_BUMPERS_M = 5.8  # a car's front lies 3.6 m before its rear axle, its tail 2.2 m behind its middle
+_REMEMBERED_NS = 500_000_000  # what stands ahead, over a message that misses it
 
 
 class DriverSettings(Settings):
@@ -207,9 +209,11 @@ class Driver:
                 continue
             x, y, _ = self._T_body_cam.apply(detection.position_m[None])[0]
             if x > 0.0 and abs(y - 0.5 * self._curvature * x * x) < self._settings.lane_share_m:
-                gaps.append(float(x) - 5.0)  # from bumper to bumper: half of both lengths
-        last, self._ahead = self._ahead, None
+                gaps.append(float(x) - _BUMPERS_M)
+        last = self._ahead
         if not gaps:
+            if last is not None and claim.stamp_ns - last[0] > _REMEMBERED_NS:
+                self._ahead = None
             return
         gap, rate = min(gaps), 0.0
         if last is not None and claim.stamp_ns > last[0] and abs(gap - last[1]) < 5.0:

@@ -10,7 +10,7 @@ from belie.types import Claim, PositionClaim, Settings
 
 
 class GnssSettings(Settings):
-    """Errors of a satellite receiver; the defaults are those of a good single-frequency one under open sky.
+    """Errors of a satellite receiver; the defaults are those of one with corrections (RTK), as on test vehicles.
 
     >>> GnssSettings().rate_hz
     10.0
@@ -18,13 +18,13 @@ class GnssSettings(Settings):
 
     rate_hz: float = Field(10.0, description="fixes; 0 leaves the sensor out [Hz]", ge=0.0, le=100.0)
     horizontal_m: float = Field(
-        1.27,
-        description="wandering error east and north, standard deviation each; the 1.5 m CEP of u-blox's ZED-F9P "
-        "without corrections, divided by 1.18 [m]",
+        0.02,
+        description="wandering error east and north, standard deviation each; u-blox's ZED-F9P with corrections from a "
+        "base 10 km away: 0.01 m + 1 ppm CEP, divided by 1.18 (without corrections 1.5 m CEP: set 1.27) [m]",
         ge=0.0,
     )
     vertical_m: float = Field(
-        2.5,
+        0.04,
         description="the same upwards: about twice the horizontal, from the geometry of the sky [m]",
         ge=0.0,
     )
@@ -34,7 +34,9 @@ class GnssSettings(Settings):
         gt=0.0,
     )
     white_m: float = Field(
-        0.02, description="error that is new with every fix; carrier-smoothed [m, each axis]", ge=0.0
+        0.005,
+        description="error that is new with every fix: noise of the carrier phase [m, each axis]",
+        ge=0.0,
     )
     antenna_m: tuple[float, float, float] = Field(
         (-0.4, 0.0, 1.5), description="place of the antenna on the body, body axes: on the roof [m]"
