@@ -14,7 +14,7 @@ def part_pose(part: Part, travelled_m: float, t_s: float) -> SE3 | None:
     """``T_obj_part`` after a way, or None if the part is not shown now.
 
     >>> wheel = Part(meshes=(), pivot_m=(1.0, 0.0, 0.3), rolling_radius_m=0.3)
-    >>> part_pose(wheel, 0.3 * math.pi, 0.0).apply(np.array([[1.0, 0.0, 0.6]])).round(6)
+    >>> part_pose(wheel, 0.3 * math.pi, 0.0).apply(np.array([[1.0, 0.0, 0.6]])).round(6) + 0.0
     array([[1., 0., 0.]])
     >>> part_pose(Part(meshes=(), shown_s=((0.0, 2.0),)), 0.0, 3.0) is None
     True

@@ -32,6 +32,9 @@ class Material:
         0 dull, 1 like glass.
     is_cutout : bool
         Whether alpha is opacity: leaves, railings.
+    is_decal : bool
+        Whether it is thin and lies on the surface right below, with alpha as opacity: marks, cracks, stains. It belongs to
+        that surface: no depth of its own.
     is_ground : bool
         Whether rain makes puddles on it.
     is_double_sided : bool
@@ -43,6 +46,7 @@ class Material:
     image: Picture
     gloss: float = 0.0
     is_cutout: bool = False
+    is_decal: bool = False
     is_ground: bool = False
     is_double_sided: bool = False
     glow: float = 0.0

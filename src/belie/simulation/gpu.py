@@ -1,0 +1,149 @@
+"""The OpenGL side of meshes and materials: contexts, buffers, textures, and what of them is in view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from belie.geometry import FloatArray
+from belie.simulation.world import Material, Mesh
+from belie.types import BelieError, MissingExtraError
+
+if TYPE_CHECKING:
+    import moderngl
+
+_CHUNK_M = 40.0
+
+
+def open_context() -> moderngl.Context:
+    """An OpenGL context without a window, through EGL; Mesa's llvmpipe where there is no GPU.
+
+    Raises
+    ------
+    MissingExtraError
+        Without ``moderngl``.
+    BelieError
+        Where EGL or OpenGL cannot be loaded.
+    """
+    try:
+        import moderngl
+    except ImportError:
+        raise MissingExtraError("moderngl", "sim") from None
+    try:
+        return moderngl.create_context(standalone=True, backend="egl", require=330)
+    except Exception as error:  # glcontext raises bare Exception for a library that is not there
+        raise BelieError(
+            f"no OpenGL without a screen ({' '.join(str(error).split())}); on Debian or Ubuntu: apt install libegl1 libgl1"
+        ) from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chunk:
+    """A run of triangles that lie together."""
+
+    first: int
+    count: int
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GpuMesh:
+    """A mesh in buffers, its triangles sorted by place."""
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    material: Material
+    chunks: tuple[Chunk, ...]
+    arrays: dict[int, Any]
+
+    def array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        """Its vertex array for a program, made once."""
+        key = program.glo
+        if key not in self.arrays:
+            names = ("in_point", "in_normal", "in_uv", "in_colour")
+            formats = [("3f", "12x"), ("3f", "12x"), ("2f", "8x"), ("4f1", "4x")]
+            layout = " ".join(used if n in program else skip for n, (used, skip) in zip(names, formats, strict=True))
+            present = [name for name in names if name in program]
+            self.arrays[key] = context.vertex_array(
+                program, [(self.vertices, layout, *present)], index_buffer=self.indices, index_element_size=4
+            )
+        return self.arrays[key]
+
+    def draw(
+        self, context: moderngl.Context, program: moderngl.Program, planes: FloatArray | None = None
+    ) -> None:
+        """Draw what is on the inner side of all planes (N, 4)."""
+        array = self.array(context, program)
+        for first, count in visible_runs(self.chunks, planes):
+            array.render(vertices=count, first=first)
+
+
+def upload(context: moderngl.Context, mesh: Mesh, *, chunked: bool) -> GpuMesh:
+    """A mesh in buffers; `chunked` sorts its triangles into squares of 40 m, so that those out of view are left out."""
+    packed = np.zeros(
+        len(mesh.points), np.dtype([("p", "f4", 3), ("n", "f4", 3), ("t", "f4", 2), ("c", "u1", 4)])
+    )
+    packed["p"], packed["n"], packed["t"], packed["c"] = mesh.points, mesh.normals, mesh.uv, mesh.colours
+    triangles, chunks = _sorted_chunks(mesh.points, mesh.triangles, chunked)
+    return GpuMesh(
+        vertices=context.buffer(packed.tobytes()),
+        indices=context.buffer(np.ascontiguousarray(triangles, np.int32).tobytes()),
+        material=mesh.material,
+        chunks=chunks,
+        arrays={},
+    )
+
+
+def _sorted_chunks(
+    points: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], chunked: bool
+) -> tuple[npt.NDArray[np.int32], tuple[Chunk, ...]]:
+    middles = points[triangles].mean(axis=1)
+    cells = np.floor(middles[:, :2] / _CHUNK_M).astype(np.int64) if chunked else np.zeros((len(triangles), 2), np.int64)
+    key = cells[:, 0] * 100_003 + cells[:, 1]
+    order = np.argsort(key, kind="stable")
+    triangles, key = triangles[order], key[order]
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1, [len(key)]])
+    chunks = []
+    for start, stop in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        own = points[triangles[start:stop].ravel()].astype(np.float64)
+        chunks.append(
+            Chunk(first=3 * start, count=3 * (stop - start), low=own.min(axis=0), high=own.max(axis=0))
+        )
+    return triangles, tuple(chunks)
+
+
+def visible_runs(chunks: Iterable[Chunk], planes: FloatArray | None) -> list[tuple[int, int]]:
+    """First index and count of what may be seen, neighbours joined.
+
+    >>> box = dict(low=np.zeros(3), high=np.ones(3))
+    >>> chunks = [Chunk(first=0, count=6, **box), Chunk(first=6, count=3, **box)]
+    >>> visible_runs(chunks, None), visible_runs(chunks, np.array([[1.0, 0.0, 0.0, -2.0]]))
+    ([(0, 9)], [])
+    """
+    runs: list[tuple[int, int]] = []
+    for chunk in chunks:
+        if planes is not None:
+            # Of each box the corner that is farthest along the plane's normal.
+            corner = np.where(planes[:, :3] > 0.0, chunk.high, chunk.low)
+            if (np.einsum("ij,ij->i", planes[:, :3], corner) + planes[:, 3] < 0.0).any():
+                continue
+        if runs and sum(runs[-1]) == chunk.first:
+            runs[-1] = (runs[-1][0], runs[-1][1] + chunk.count)
+        else:
+            runs.append((chunk.first, chunk.count))
+    return runs
+
+
+def texture_of(context: moderngl.Context, material: Material) -> moderngl.Texture:
+    """A material's texture with mipmaps. No anisotropic filter: llvmpipe needs seconds a frame for it."""
+    height, width = material.image.shape[:2]
+    texture = context.texture((width, height), 4, material.image.tobytes())
+    texture.build_mipmaps()
+    texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
+    texture.repeat_x = texture.repeat_y = not (material.is_cutout or material.is_decal)
+    return texture
