@@ -32,5 +32,5 @@ install:
 # The recording in the package that `belie demo` attacks; needs moderngl and EGL.
 DEMO = src/belie/cli/demo_drive.mcap
 demo-drive:
-	$(PYTHON) -c "from belie.cli.main import app; app()" simulate demo --jpeg-quality 80 --force -o $(DEMO)
+	$(PYTHON) -c "from belie.cli.main import app; app()" simulate demo --jpeg-quality 60 --force -o $(DEMO)
 	rm -f $(DEMO).*

@@ -21,6 +21,7 @@ Picture = npt.NDArray[np.uint8]
 
 _PICTURES, _COLUMNS = 6, 3
 _LEAST_VISIBLE = 0.1
+_LEAST_NAMED = 0.06  # of the picture's height
 _WHITE = (255, 255, 255)
 
 
@@ -103,6 +104,8 @@ def drawn(view: View) -> Picture:
         colour = _colour(label.label)
         left, top, right, bottom = (round(float(edge) - 0.5) for edge in label.box_px)
         cv2.rectangle(picture, (left, top), (right, bottom), colour, thick)
+        if bottom - top < _LEAST_NAMED * picture.shape[0]:
+            continue  # names of what is far would hide each other
         text = f"{label.label} {label.distance_m:.0f} m"
         place = (left, max(10, top - 3))
         cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thick, (0, 0, 0), thick + 1)

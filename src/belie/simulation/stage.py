@@ -127,7 +127,9 @@ def build_world(scenario: Scenario) -> World:
 
     scene = import_module(f"belie.simulation.scenes.{scenario.scene}")
     try:
-        world: World = scene.build(seed=scenario.seed, manoeuvre=scenario.manoeuvre)
+        world: World = scene.build(
+            seed=scenario.seed, manoeuvre=scenario.manoeuvre, duration_s=scenario.duration_s
+        )
     except ValueError as error:
         raise ConfigError(f"scene {scenario.scene}: {error}") from None
     return world
