@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from belie.geometry import SE3, so3_exp
+from belie.geometry import FloatArray
 from belie.simulation.world import Part
 
 
-def part_pose(part: Part, travelled_m: float, t_s: float) -> SE3 | None:
-    """``T_obj_part`` after a way, or None if the part is not shown now.
+def part_pose(part: Part, travelled_m: float, t_s: float) -> FloatArray | None:
+    """``T_obj_part``, shape (4, 4), after a way, or None if the part is not shown now.
 
     >>> wheel = Part(meshes=(), pivot_m=(1.0, 0.0, 0.3), rolling_radius_m=0.3)
-    >>> part_pose(wheel, 0.3 * math.pi, 0.0).apply(np.array([[1.0, 0.0, 0.6]])).round(6) + 0.0
-    array([[1., 0., 0.]])
+    >>> (part_pose(wheel, 0.3 * math.pi, 0.0) @ [1.0, 0.0, 0.6, 1.0]).round(6) + 0.0
+    array([1., 0., 0., 1.])
     >>> part_pose(Part(meshes=(), shown_s=((0.0, 2.0),)), 0.0, 3.0) is None
     True
     """
@@ -26,7 +26,9 @@ def part_pose(part: Part, travelled_m: float, t_s: float) -> SE3 | None:
     elif part.swing_rad != 0.0:
         angle = part.swing_rad * math.sin(2.0 * math.pi * travelled_m / part.stride_m + part.phase_rad)
     else:
-        return SE3.identity()
-    pivot = np.array(part.pivot_m)
-    R = so3_exp(np.array([0.0, math.remainder(angle, 2.0 * math.pi), 0.0]))
-    return SE3(R, pivot - R @ pivot)
+        return np.eye(4)
+    c, s = math.cos(angle), math.sin(angle)
+    x, _, z = part.pivot_m
+    return np.array(
+        [[c, 0.0, s, x - c * x - s * z], [0.0, 1.0, 0.0, 0.0], [-s, 0.0, c, z + s * x - c * z], [0.0, 0.0, 0.0, 1.0]]
+    )

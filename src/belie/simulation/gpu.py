@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,11 +41,18 @@ def open_context() -> moderngl.Context:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Chunk:
-    """A run of triangles that lie together."""
+class Chunks:
+    """Runs of triangles that lie together.
 
-    first: int
-    count: int
+    Parameters
+    ----------
+    starts : array (K + 1,)
+        First index of each run; the last is the end.
+    low, high : array (K, 3)
+        Their boxes.
+    """
+
+    starts: npt.NDArray[np.int64]
     low: FloatArray
     high: FloatArray
 
@@ -58,15 +64,15 @@ class GpuMesh:
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
     material: Material
-    chunks: tuple[Chunk, ...]
+    chunks: Chunks
     arrays: dict[int, Any]
 
     def array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
         """Its vertex array for a program, made once."""
         key = program.glo
         if key not in self.arrays:
-            names = ("in_point", "in_normal", "in_uv", "in_colour")
-            formats = [("3f", "12x"), ("3f", "12x"), ("2f", "8x"), ("4f1", "4x")]
+            names = ("in_point", "in_normal", "in_uv", "in_colour", "in_id")
+            formats = [("3f", "12x"), ("3f", "12x"), ("2f", "8x"), ("4f1", "4x"), ("1f", "4x")]
             layout = " ".join(used if n in program else skip for n, (used, skip) in zip(names, formats, strict=True))
             present = [name for name in names if name in program]
             self.arrays[key] = context.vertex_array(
@@ -83,12 +89,15 @@ class GpuMesh:
             array.render(vertices=count, first=first)
 
 
-def upload(context: moderngl.Context, mesh: Mesh, *, chunked: bool) -> GpuMesh:
-    """A mesh in buffers; `chunked` sorts its triangles into squares of 40 m, so that those out of view are left out."""
+def upload(
+    context: moderngl.Context, mesh: Mesh, ids: npt.NDArray[np.float32] | float = 0.0, *, chunked: bool
+) -> GpuMesh:
+    """A mesh in buffers, with the actor of each point; `chunked` sorts its triangles into squares of 40 m, so that those out of view are left out."""
     packed = np.zeros(
-        len(mesh.points), np.dtype([("p", "f4", 3), ("n", "f4", 3), ("t", "f4", 2), ("c", "u1", 4)])
+        len(mesh.points), np.dtype([("p", "f4", 3), ("n", "f4", 3), ("t", "f4", 2), ("c", "u1", 4), ("i", "f4")])
     )
     packed["p"], packed["n"], packed["t"], packed["c"] = mesh.points, mesh.normals, mesh.uv, mesh.colours
+    packed["i"] = ids
     triangles, chunks = _sorted_chunks(mesh.points, mesh.triangles, chunked)
     return GpuMesh(
         vertices=context.buffer(packed.tobytes()),
@@ -101,42 +110,38 @@ def upload(context: moderngl.Context, mesh: Mesh, *, chunked: bool) -> GpuMesh:
 
 def _sorted_chunks(
     points: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], chunked: bool
-) -> tuple[npt.NDArray[np.int32], tuple[Chunk, ...]]:
+) -> tuple[npt.NDArray[np.int32], Chunks]:
+    # A few triangles are drawn sooner than they are sorted out.
+    size = _CHUNK_M if len(triangles) > 1500 else 4.0 * _CHUNK_M
     middles = points[triangles].mean(axis=1)
-    cells = np.floor(middles[:, :2] / _CHUNK_M).astype(np.int64) if chunked else np.zeros((len(triangles), 2), np.int64)
+    cells = np.floor(middles[:, :2] / size).astype(np.int64) if chunked else np.zeros((len(triangles), 2), np.int64)
     key = cells[:, 0] * 100_003 + cells[:, 1]
     order = np.argsort(key, kind="stable")
     triangles, key = triangles[order], key[order]
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1, [len(key)]])
-    chunks = []
-    for start, stop in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-        own = points[triangles[start:stop].ravel()].astype(np.float64)
-        chunks.append(
-            Chunk(first=3 * start, count=3 * (stop - start), low=own.min(axis=0), high=own.max(axis=0))
-        )
-    return triangles, tuple(chunks)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1])
+    corners = points[triangles].astype(np.float64)
+    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+    return triangles, Chunks(starts=3 * np.concatenate([starts, [len(key)]]), low=low, high=high)
 
 
-def visible_runs(chunks: Iterable[Chunk], planes: FloatArray | None) -> list[tuple[int, int]]:
+def visible_runs(chunks: Chunks, planes: FloatArray | None) -> list[tuple[int, int]]:
     """First index and count of what may be seen, neighbours joined.
 
-    >>> box = dict(low=np.zeros(3), high=np.ones(3))
-    >>> chunks = [Chunk(first=0, count=6, **box), Chunk(first=6, count=3, **box)]
+    >>> box = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    >>> chunks = Chunks(starts=np.array([0, 6, 9]), low=box, high=box + 1.0)
     >>> visible_runs(chunks, None), visible_runs(chunks, np.array([[1.0, 0.0, 0.0, -2.0]]))
-    ([(0, 9)], [])
+    ([(0, 9)], [(6, 3)])
     """
-    runs: list[tuple[int, int]] = []
-    for chunk in chunks:
-        if planes is not None:
-            # Of each box the corner that is farthest along the plane's normal.
-            corner = np.where(planes[:, :3] > 0.0, chunk.high, chunk.low)
-            if (np.einsum("ij,ij->i", planes[:, :3], corner) + planes[:, 3] < 0.0).any():
-                continue
-        if runs and sum(runs[-1]) == chunk.first:
-            runs[-1] = (runs[-1][0], runs[-1][1] + chunk.count)
-        else:
-            runs.append((chunk.first, chunk.count))
-    return runs
+    starts = chunks.starts
+    if planes is None:
+        return [(0, int(starts[-1]))]
+    normals = planes[:, None, :3]
+    # Of each box the corner that is farthest along the plane's normal.
+    corner = np.where(normals > 0.0, chunks.high, chunks.low)
+    inside = ((corner * normals).sum(axis=2) + planes[:, 3:] >= 0.0).all(axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    return [(int(starts[a]), int(starts[b] - starts[a])) for a, b in edges.reshape(-1, 2).tolist()]
 
 
 def texture_of(context: moderngl.Context, material: Material) -> moderngl.Texture:

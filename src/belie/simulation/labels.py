@@ -145,9 +145,9 @@ def actor_silhouette(
         T_obj_part = part_pose(part, actor.motion.travelled_m(t_s), t_s)
         if T_obj_part is None:
             continue
-        T = T_cam_obj @ T_obj_part
+        T = T_cam_obj.matrix() @ T_obj_part
         for mesh in part.meshes:
-            points = T.apply(mesh.points.astype(np.float64))
+            points = mesh.points @ T[:3, :3].T + T[:3, 3]
             corners = points[mesh.triangles]
             corners = corners[(corners[:, :, 2] > _NEAR_M).all(axis=1)]
             triangles.append(camera.project(corners.reshape(-1, 3)).reshape(-1, 3, 2))

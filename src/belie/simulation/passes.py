@@ -12,7 +12,7 @@ from belie.simulation import shaders
 from belie.simulation.glows import glow_sprites
 from belie.simulation.gpu import GpuMesh, texture_of, upload
 from belie.simulation.lamp_map import lamp_map
-from belie.simulation.placed import Placed, placed_parts
+from belie.simulation.placed import Placed, placed_actors
 from belie.simulation.projection import (
     FAR_M,
     frustum_planes,
@@ -21,9 +21,10 @@ from belie.simulation.projection import (
     sun_direction,
     sun_projection,
 )
+from belie.simulation.still import still_meshes
 from belie.simulation.textures.noise import fbm
 from belie.simulation.weather import Weather
-from belie.simulation.world import Material, World
+from belie.simulation.world import Material, Part, World
 
 if TYPE_CHECKING:
     import moderngl
@@ -48,7 +49,7 @@ class Passes:
         self._has_sun = max(weather.sun) > 0.0 and not world.is_indoors
         self._mirrors = weather.wetness > 0.0 and world.has_flat_ground and not world.is_indoors
         self._textures: dict[Material, moderngl.Texture] = {}
-        self._still = [upload(context, mesh, chunked=True) for mesh in world.static]
+        self._still = [upload(context, mesh, ids, chunked=True) for mesh, ids in still_meshes(world)]
         self._moving: dict[int, list[GpuMesh]] = {}
         self._shadow_middle: tuple[float, ...] | None = None
         self._sun_projection = _IDENTITY
@@ -133,7 +134,7 @@ class Passes:
         """The picture as light falls through an ideal pinhole, shape (H, W, 4), RGBA, gamma 2."""
         context = self._context
         context.enable_only(context.DEPTH_TEST)
-        placed = placed_parts(self._world, t_s)
+        placed = placed_actors(self._world, t_s, T_world_cam.t)
         if self._has_sun:
             self._cast_shadows(placed, T_world_cam)
         self._bind_maps()
@@ -165,7 +166,8 @@ class Passes:
         view_rate = np.zeros((4, 4))
         view_rate[:3] = -spin @ view[:3]
         view_rate[:3, 3] -= rate
-        planes = self._planes(view, T_world_cam)
+        planes = frustum_planes(self._projection @ view, FAR_M, T_world_cam.t, T_world_cam.R[:, 2])
+        bodies = [body for body in placed_actors(self._world, t_s, T_world_cam.t) if body.is_within(planes)]
         self._truth.use()
         self._truth.clear()
         common = {
@@ -179,10 +181,12 @@ class Passes:
             _set_all(program, {**common, "model": _IDENTITY, "model_rate": _STILL, "id": 0.0})
             for mesh in self._of_kind(self._still, kind):
                 self._textured(mesh, program, planes)
-            for part in placed_parts(self._world, t_s, with_rates=True):
-                _set_all(program, {"model": part.model, "model_rate": part.rate, "id": float(part.actor.id)})
-                for mesh in self._of_kind(self._meshes(part), kind):
-                    self._textured(mesh, program, None)
+            for body in bodies:
+                _set(program, "id", float(body.actor.id))
+                for part, model, rate in body.parts:
+                    _set_all(program, {"model": model, "model_rate": rate})
+                    for mesh in self._of_kind(self._meshes(part), kind):
+                        self._textured(mesh, program, None)
         context.depth_func = "<="
         _set_all(self._programs["far"], {"rays": self._rays(np.eye(3)), "turn": tuple(turn), "focal": common["focal"]})
         self._empty["far"].render(vertices=3)
@@ -224,12 +228,13 @@ class Passes:
             _set_all(program, {**common, "model": _IDENTITY, "detail_share": 0.0 if self._world.is_indoors else 1.0})
             for mesh in self._of_kind(self._still, kind):
                 self._shaded(mesh, program, planes)
-            for part in placed:
-                own = self._of_kind(self._meshes(part), kind)
-                if own:
-                    _set_all(program, {"model": part.model, "detail_share": 0.0})
-                for mesh in own:
-                    self._shaded(mesh, program, None)
+            for body in placed:
+                for part, model, _ in body.parts if body.is_within(planes) else ():
+                    own = self._of_kind(self._meshes(part), kind)
+                    if own:
+                        _set_all(program, {"model": model, "detail_share": 0.0})
+                    for mesh in own:
+                        self._shaded(mesh, program, None)
             if kind == "decal":
                 target.depth_mask = True
                 context.disable(context.BLEND)
@@ -282,10 +287,13 @@ class Passes:
                     for mesh in self._of_kind(self._still, kind):
                         self._textured(mesh, program, None)
                     continue
-                for part in placed:
-                    _set_all(program, {"model": part.model})
-                    for mesh in self._of_kind(self._meshes(part), kind):
-                        self._textured(mesh, program, None)
+                for body in placed:
+                    if float(np.linalg.norm(body.centre - ahead)) > 1.3 * reach:
+                        continue
+                    for part, model, _ in body.parts:
+                        _set(program, "model", model)
+                        for mesh in self._of_kind(self._meshes(part), kind):
+                            self._textured(mesh, program, None)
 
     def _light(self, T_world_cam: SE3, t_s: float) -> dict[str, object]:
         w, world = self._weather, self._world
@@ -319,9 +327,6 @@ class Passes:
         extinction = self._weather.extinction_per_m
         return min(FAR_M, 6.0 / extinction) if extinction > 0.0 else FAR_M
 
-    def _planes(self, view: FloatArray, T_world_cam: SE3) -> FloatArray:
-        return frustum_planes(self._projection @ view, FAR_M, T_world_cam.t, T_world_cam.R[:, 2])
-
     def _rays(self, R: FloatArray) -> FloatArray:
         """Picture corners (-1 to 1) to rays of a frame, shape (3, 3)."""
         c = self._camera
@@ -334,10 +339,10 @@ class Passes:
         )
         return R @ inverse
 
-    def _meshes(self, part: Placed) -> list[GpuMesh]:
-        key = id(part.part)
+    def _meshes(self, part: Part) -> list[GpuMesh]:
+        key = id(part)
         if key not in self._moving:
-            self._moving[key] = [upload(self._context, mesh, chunked=False) for mesh in part.part.meshes]
+            self._moving[key] = [upload(self._context, mesh, chunked=False) for mesh in part.meshes]
         return self._moving[key]
 
     @staticmethod

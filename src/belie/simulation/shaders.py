@@ -244,6 +244,8 @@ uniform mat4 view_rate;
 uniform mat4 projection;
 in vec3 in_point;
 in vec2 in_uv;
+in float in_id;
+flat out float v_id;
 out vec2 v_uv;
 out vec3 v_camera;
 out vec3 v_rate;
@@ -251,6 +253,7 @@ void main() {
     vec4 point = vec4(in_point, 1.0);
     vec4 world = model * point;
     v_uv = in_uv;
+    v_id = in_id;
     v_camera = (view * world).xyz;
     v_rate = (view_rate * world).xyz + mat3(view) * (model_rate * point).xyz;
     gl_Position = projection * vec4(v_camera, 1.0);
@@ -266,13 +269,14 @@ uniform float id;
 in vec2 v_uv;
 in vec3 v_camera;
 in vec3 v_rate;
+flat in float v_id;
 out vec4 out_truth;  // depth, id, motion in pixels a second
 void main() {
 #ifdef CUTOUT
     if (texture(image, v_uv).a < 0.4) discard;
 #endif
     vec2 flow = focal * (v_rate.xy - v_camera.xy / v_camera.z * v_rate.z) / v_camera.z;
-    out_truth = vec4(v_camera.z, id, flow);
+    out_truth = vec4(v_camera.z, id + v_id, flow);
 }
 """
 

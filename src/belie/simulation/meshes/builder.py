@@ -183,6 +183,10 @@ def _joined(material: Material, entries: Sequence[tuple[npt.NDArray[np.generic],
     counts = np.cumsum([0] + [len(entry[0]) for entry in entries])
     points, normals, uv, tint = (np.concatenate([entry[k] for entry in entries]) for k in range(4))
     triangles = np.concatenate([entry[4] + start for entry, start in zip(entries, counts[:-1], strict=True)])
+    # Wind each triangle as its normals say, so that backs can be left out.
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles].sum(axis=1))
+    triangles[facing < 0.0] = triangles[facing < 0.0][:, ::-1]
     return Mesh(
         points=points.astype(np.float32),
         normals=normals.astype(np.float32),

@@ -40,7 +40,7 @@ class Cast:
     ) -> None:
         """Add a vehicle of a class."""
         paint = PAINTS[int(rng.integers(len(PAINTS)))]
-        parts = vehicle_parts(kind, paint, int(rng.integers(40)), rolls=not isinstance(motion, Parked))
+        parts = vehicle_parts(kind, paint, int(rng.integers(6)), rolls=not isinstance(motion, Parked))
         if brakes_s:
             parts = (*parts, brake_lamps(kind, brakes_s))
         glows = vehicle_glows(kind) if lights else ()
