@@ -86,6 +86,9 @@ class Passes:
             self._programs[f"truth {kind}"] = self._program(
                 shaders.TRUTH_VERTEX, shaders.with_defines(shaders.TRUTH_FRAGMENT, kinds[kind])
             )
+        for name, own in (("depth", {}), ("depth mirrored", {"MIRRORED": ""})):
+            fragment = shaders.with_defines(shaders.DEPTH_FRAGMENT, own)
+            self._programs[name] = self._program(shaders.DEPTH_VERTEX, fragment)
         self._programs["sky"] = self._program(shaders.FULL_SCREEN, shaders.SKY)
         self._programs["far"] = self._program(shaders.FULL_SCREEN, shaders.FAR_TRUTH)
         self._programs["glow"] = self._program(shaders.GLOW_VERTEX, shaders.GLOW_FRAGMENT)
@@ -122,8 +125,8 @@ class Passes:
         self._lamps.repeat_x = self._lamps.repeat_y = False
         self._lamps.filter = (context.LINEAR, context.LINEAR)
         self._shadows = {}
-        texels = _SHADOW_TEXELS if self._has_sun else 1
-        for name in ("still_shadow", "moving_shadow"):
+        for name, share in (("still_shadow", 1), ("moving_shadow", 2)):
+            texels = _SHADOW_TEXELS // share if self._has_sun else 1
             texture = context.depth_texture((texels, texels))
             texture.compare_func = "<="
             texture.repeat_x = texture.repeat_y = False
@@ -176,7 +179,9 @@ class Passes:
             "projection": self._projection,
             "focal": (self._camera.fx, self._camera.fy),
         }
+        context.front_face = "cw"
         for kind in ("opaque", "cutout"):
+            (context.enable if kind == "opaque" else context.disable)(context.CULL_FACE)
             program = self._programs[f"truth {kind}"]
             _set_all(program, {**common, "model": _IDENTITY, "model_rate": _STILL, "id": 0.0})
             for mesh in self._of_kind(self._still, kind):
@@ -205,6 +210,8 @@ class Passes:
         mirror: bool,
     ) -> None:
         context = self._context
+        # The first row of the buffer is the top of the picture, which turns triangles round; a mirror turns them back.
+        context.front_face = "ccw" if mirror else "cw"
         eye = T_world_cam.t * ([1.0, 1.0, -1.0] if mirror else [1.0, 1.0, 1.0])
         view = mirrored(view) if mirror else view
         R_world_cam = np.diag([1.0, 1.0, -1.0 if mirror else 1.0]) @ T_world_cam.R
@@ -214,6 +221,8 @@ class Passes:
         common = {**self._light(T_world_cam, t_s), "eye": tuple(eye), "view_projection": self._projection @ view}
         common["size"] = tuple(float(v) for v in target.size)
         suffix = " mirrored" if mirror else ""
+        bodies = [body for body in placed if body.is_within(planes)]
+        self._depths(target, self._programs["depth" + suffix], common, planes, bodies)
         for kind in ("opaque", "decal", "cutout"):
             if kind == "decal":
                 # The sky comes before all that lets it shine through.
@@ -225,21 +234,49 @@ class Passes:
                 context.enable(context.BLEND)
                 context.blend_func = context.SRC_ALPHA, context.ONE_MINUS_SRC_ALPHA
                 target.depth_mask = False
+            if kind == "opaque":
+                context.enable(context.CULL_FACE)
+                context.depth_func = "<="
             _set_all(program, {**common, "model": _IDENTITY, "detail_share": 0.0 if self._world.is_indoors else 1.0})
             for mesh in self._of_kind(self._still, kind):
                 self._shaded(mesh, program, planes)
-            for body in placed:
-                for part, model, _ in body.parts if body.is_within(planes) else ():
-                    own = self._of_kind(self._meshes(part), kind)
-                    if own:
-                        _set_all(program, {"model": model, "detail_share": 0.0})
-                    for mesh in own:
-                        self._shaded(mesh, program, None)
+            _set(program, "detail_share", 0.0)
+            for part, model in ((part, model) for body in bodies for part, model, _ in body.parts):
+                own = self._of_kind(self._meshes(part), kind)
+                if own:
+                    _set(program, "model", model)
+                for mesh in own:
+                    self._shaded(mesh, program, None)
             if kind == "decal":
                 target.depth_mask = True
                 context.disable(context.BLEND)
+            if kind == "opaque":
+                context.disable(context.CULL_FACE)
+                context.depth_func = "<"
         context.disable_direct(_SAMPLE_ALPHA_TO_COVERAGE)
         self._glows(target, view, placed, eye)
+
+    def _depths(
+        self,
+        target: moderngl.Framebuffer,
+        program: moderngl.Program,
+        common: dict[str, object],
+        planes: FloatArray,
+        bodies: list[Placed],
+    ) -> None:
+        """Draw the depths of all that is opaque, so that then each pixel is lit but once."""
+        context = self._context
+        target.color_mask = False, False, False, False
+        context.enable(context.CULL_FACE)
+        _set_all(program, {"view_projection": common["view_projection"], "model": _IDENTITY})
+        for mesh in self._of_kind(self._still, "opaque"):
+            mesh.draw(context, program, planes)
+        for part, model in ((part, model) for body in bodies for part, model, _ in body.parts):
+            _set(program, "model", model)
+            for mesh in self._of_kind(self._meshes(part), "opaque"):
+                mesh.draw(context, program, None)
+        context.disable(context.CULL_FACE)
+        target.color_mask = True, True, True, True
 
     def _sky(self, R_world_cam: FloatArray, common: dict[str, object]) -> None:
         program = self._programs["sky"]
@@ -406,5 +443,5 @@ def _set_all(program: moderngl.Program, values: dict[str, object]) -> None:
 def _mipmapped(context: moderngl.Context, image: npt.NDArray[np.uint8]) -> moderngl.Texture:
     texture = context.texture((image.shape[1], image.shape[0]), 4, np.ascontiguousarray(image).tobytes())
     texture.build_mipmaps()
-    texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
+    texture.filter = (context.LINEAR_MIPMAP_NEAREST, context.LINEAR)  # broad noise: one mip level does
     return texture
