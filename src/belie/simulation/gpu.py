@@ -81,10 +81,17 @@ class GpuMesh:
         return self.arrays[key]
 
     def draw(
-        self, context: moderngl.Context, program: moderngl.Program, planes: FloatArray | None = None
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        planes: FloatArray | None = None,
+        reach_m: float = 0.0,
     ) -> None:
-        """Draw what is on the inner side of all planes (N, 4)."""
+        """Draw what is on the inner side of all planes (N, 4), of which the last stands `reach_m` away."""
         array = self.array(context, program)
+        if planes is not None and self.material.seen_m < reach_m:
+            planes = planes.copy()
+            planes[-1, 3] -= reach_m - self.material.seen_m
         for first, count in visible_runs(self.chunks, planes):
             array.render(vertices=count, first=first)
 
@@ -149,6 +156,8 @@ def texture_of(context: moderngl.Context, material: Material) -> moderngl.Textur
     height, width = material.image.shape[:2]
     texture = context.texture((width, height), 4, material.image.tobytes())
     texture.build_mipmaps()
-    texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
+    # Between mip levels only the ground is blended, where their borders would show: it costs half as much again.
+    blended = material.is_ground or material.is_decal
+    texture.filter = (context.LINEAR_MIPMAP_LINEAR if blended else context.LINEAR_MIPMAP_NEAREST, context.LINEAR)
     texture.repeat_x = texture.repeat_y = not (material.is_cutout or material.is_decal)
     return texture

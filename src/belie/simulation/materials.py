@@ -92,7 +92,12 @@ def roof_tiles() -> Material:
 
 def metal() -> Material:
     """Painted metal, to be tinted."""
-    return surface(vehicles.cloth, 7, gloss=0.12)
+    return surface(vehicles.sheet, gloss=0.12)
+
+
+def railing() -> Material:
+    """Thin rails, to be tinted: from afar less than a pixel wide."""
+    return surface(vehicles.sheet, seen_m=110.0)
 
 
 def cloth() -> Material:
@@ -133,6 +138,16 @@ def vinyl() -> Material:
 def ceiling() -> Material:
     """Ceiling boards, 2.4 m a tile."""
     return surface(indoor.ceiling)
+
+
+def office_door(number: int) -> Material:
+    """A door inside a building."""
+    return surface(indoor.office_door, number, gloss=0.1)
+
+
+def cardboard(seed: int) -> Material:
+    """A cardboard box."""
+    return surface(indoor.cardboard, seed)
 
 
 def light_panel() -> Material:

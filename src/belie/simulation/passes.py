@@ -169,7 +169,7 @@ class Passes:
         view_rate = np.zeros((4, 4))
         view_rate[:3] = -spin @ view[:3]
         view_rate[:3, 3] -= rate
-        planes = frustum_planes(self._projection @ view, FAR_M, T_world_cam.t, T_world_cam.R[:, 2])
+        planes = frustum_planes(self._projection @ view, self._reach_m(), T_world_cam.t, T_world_cam.R[:, 2])
         bodies = [body for body in placed_actors(self._world, t_s, T_world_cam.t) if body.is_within(planes)]
         self._truth.use()
         self._truth.clear()
@@ -237,8 +237,9 @@ class Passes:
             if kind == "opaque":
                 context.enable(context.CULL_FACE)
                 context.depth_func = "<="
-            _set_all(program, {**common, "model": _IDENTITY, "detail_share": 0.0 if self._world.is_indoors else 1.0})
+            _set_all(program, {**common, "model": _IDENTITY})
             for mesh in self._of_kind(self._still, kind):
+                _set(program, "detail_share", 0.0 if self._world.is_indoors or mesh.material.gloss > 0.1 else 1.0)
                 self._shaded(mesh, program, planes)
             _set(program, "detail_share", 0.0)
             for part, model in ((part, model) for body in bodies for part, model, _ in body.parts):
@@ -270,7 +271,7 @@ class Passes:
         context.enable(context.CULL_FACE)
         _set_all(program, {"view_projection": common["view_projection"], "model": _IDENTITY})
         for mesh in self._of_kind(self._still, "opaque"):
-            mesh.draw(context, program, planes)
+            mesh.draw(context, program, planes, self._reach_m())
         for part, model in ((part, model) for body in bodies for part, model, _ in body.parts):
             _set(program, "model", model)
             for mesh in self._of_kind(self._meshes(part), "opaque"):
@@ -356,7 +357,7 @@ class Passes:
             down = np.array([0.9986, 0.0, -0.035])
             values["headlight"] = tuple(T_world_body.apply(np.array([world.headlights_m]))[0])
             values["headlight_direction"] = tuple(T_world_body.R @ (down / np.linalg.norm(down)))
-            values["headlight_power"] = 1.5
+            values["headlight_power"] = world.headlight_power
         return values
 
     def _reach_m(self) -> float:
@@ -393,7 +394,7 @@ class Passes:
 
     def _textured(self, mesh: GpuMesh, program: moderngl.Program, planes: FloatArray | None) -> None:
         self._texture(mesh.material).use(_UNITS["image"])
-        mesh.draw(self._context, program, planes)
+        mesh.draw(self._context, program, planes, self._reach_m())
 
     def _shaded(self, mesh: GpuMesh, program: moderngl.Program, planes: FloatArray | None) -> None:
         material = mesh.material

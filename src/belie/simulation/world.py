@@ -41,6 +41,8 @@ class Material:
         Whether light falls on both sides, as on leaves.
     glow : float
         How much it shines by day too: screens, ceiling lights.
+    seen_m : float
+        Beyond this distance it is left out: details that would be less than a pixel wide.
     """
 
     image: Picture
@@ -50,6 +52,7 @@ class Material:
     is_ground: bool = False
     is_double_sided: bool = False
     glow: float = 0.0
+    seen_m: float = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -244,6 +247,8 @@ class World:
         How far from the camera the sun's shadows are drawn.
     headlights_m : array (3,), optional
         Place of the robot's headlights, body; None: it has none.
+    headlight_power : float
+        Their strength; a car's is 1.5.
     street_direction_rad : float
         World azimuth in which one looks mostly: a low sun stands there.
     """
@@ -260,6 +265,7 @@ class World:
     has_flat_ground: bool = True
     shadow_reach_m: float = 110.0
     headlights_m: tuple[float, float, float] | None = (3.6, 0.0, 0.7)
+    headlight_power: float = 1.5
     street_direction_rad: float = 0.0
 
     def __post_init__(self) -> None:

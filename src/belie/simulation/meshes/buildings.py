@@ -196,11 +196,11 @@ def _balcony(builder: Builder, style: FacadeStyle, x: float, z: float, width: fl
     builder.box(materials.kerb(), (x, -0.5 * deep, z + 0.06), (width, deep, 0.16), style.trim, 2.0, 0.45)
     rail: Colour = (0.16, 0.17, 0.19)
     top = z + 1.12
-    builder.box(materials.metal(), (x, -deep + 0.03, top), (width, 0.06, 0.05), rail)
+    builder.box(materials.railing(), (x, -deep + 0.03, top), (width, 0.06, 0.05), rail)
     for side in (-1.0, 1.0):
-        builder.box(materials.metal(), (x + side * 0.5 * width, -0.5 * deep, top), (0.05, deep, 0.05), rail)
+        builder.box(materials.railing(), (x + side * 0.5 * width, -0.5 * deep, top), (0.05, deep, 0.05), rail)
     for post in np.linspace(x - 0.5 * width, x + 0.5 * width, max(5, round(width / 0.22))):
-        builder.box(materials.metal(), (float(post), -deep + 0.03, z + 0.6), (0.035, 0.035, 1.0), rail)
+        builder.box(materials.railing(), (float(post), -deep + 0.03, z + 0.6), (0.035, 0.035, 1.0), rail)
 
 
 def _bands(builder: Builder, style: FacadeStyle, length_m: float, height: float) -> None:

@@ -171,7 +171,7 @@ def _sheet_metal(builder: Builder, kind: str, body: Body, paint: Colour) -> None
     rear, length = body.sections[0][0], body.length_m
     shares = tuple(round((x - rear) / length, 3) for x in body.wheels_x)
     side_material = materials.surface(vehicles.side, kind, shares, round(body.wheel_m / length, 4), gloss=0.22)
-    plain = materials.surface(vehicles.cloth, 7, gloss=0.3)
+    plain = materials.surface(vehicles.sheet, gloss=0.3)
     xs = np.array([s[0] for s in body.sections])
     for side in (-1.0, 1.0):
         rings = np.stack([_ring(s[1:], s[0], side) for s in body.sections], axis=1)  # (7, S, 3)
@@ -262,6 +262,10 @@ def _fittings(builder: Builder, kind: str, body: Body, number: int) -> None:
     for x, ahead in ((front[0] + 0.02, 1.0), (rear[0] - 0.02, -1.0)):
         y = ahead * 0.26
         builder.quad(plate, [[x, -y, z - 0.06], [x, y, z - 0.06], [x, y, z + 0.06], [x, -y, z + 0.06]])
+    if kind == "truck":
+        for y, ahead in ((-1.262, 1.0), (1.262, -1.0)):
+            board = np.array([[-3.0 * ahead, y, 2.0], [0.8 * ahead, y, 2.0], [0.8 * ahead, y, 3.0], [-3.0 * ahead, y, 3.0]])
+            builder.quad(materials.picture(signs.board, "NORDFRACHT"), board + ([-1.1, 0.0, 0.0] if ahead < 0 else [0.0] * 3))
     width = 2.0 * body.sections[1][1] - 0.35
     builder.box(materials.metal(), (0.0, 0.0, 0.30), (body.length_m - 0.5, width, 0.2), (0.05, 0.05, 0.05))
 

@@ -30,15 +30,19 @@ def strip(
     colour: Colour = WHITE,
     sky: npt.ArrayLike = 1.0,
     step_m: float = _STEP_M,
+    upright: bool = False,
 ) -> None:
-    """Sweep a profile (N, 2: left, up) from right to left along a path; its texture is repeated every `tile_m`."""
+    """Sweep a profile (N, 2: left, up) along a path; its texture is repeated every `tile_m`.
+
+    From right to left it faces upwards. `upright` hangs the texture by the profile's height: for walls.
+    """
     section = np.asarray(profile, np.float64)
     ways = np.linspace(*span_m, max(2, math.ceil((span_m[1] - span_m[0]) / step_m) + 1))
     frames = [path.frame(float(way)) for way in ways]
     local = np.column_stack([np.zeros(len(section)), section])
     points = np.stack([T.apply(local) for T in frames], axis=1)  # rows across, columns along
     across = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(section, axis=0), axis=1))]) + section[0, 0]
-    uv = np.stack(np.meshgrid(ways / tile_m, across / tile_m), axis=2)
+    uv = np.stack(np.meshgrid(ways / tile_m, (-section[:, 1] if upright else across) / tile_m), axis=2)
     builder.grid(material, points, uv, colour, np.broadcast_to(np.asarray(sky, np.float64), (len(section),))[:, None])
 
 

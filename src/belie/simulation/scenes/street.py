@@ -104,6 +104,7 @@ def _road(builder: Builder, path: Path, lanes: int, road_half: float, seed: int)
         for k in range(1, lanes):
             line(builder, path, span, side * k * _LANE_M, 0.12, dash_m=(3.0, 6.0))
     wear(builder, path, span, road_half, rng)
+    crossing(builder, path, _BEHIND_M + 71.0, road_half)
     corners = [[-400.0, -900.0, -0.15], [2400.0, -900.0, -0.15], [2400.0, 900.0, -0.15], [-400.0, 900.0, -0.15]]
     builder.quad(materials.lawn(), corners, np.array([[0, 450], [700, 450], [700, 0], [0, 0]]), (0.8, 0.8, 0.75))
 
@@ -154,5 +155,3 @@ def _signs(cast: traffic.Cast, path: Path, road_half: float, manoeuvre: str, rng
     for left in (-road_half - 0.7, road_half + 0.7):
         cast.traffic_light(beside(path, light_way, left, roadside.KERB_UP_M, math.pi), cycle)
 
-
-__all__ = ["MANOEUVRES", "build", "crossing"]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from belie.simulation.textures.noise import Rgba, fbm, rgba, text
+from belie.simulation.textures.noise import Rgba, fbm, rgba
 
 SIDE_WIDTH, SIDE_HEIGHT = 1024, 384
 _SEAM = 0.34
@@ -43,12 +43,8 @@ def side(kind: str, wheels: tuple[float, ...], radius: float) -> Rgba:
     if kind == "truck":
         for x in range(30, int(0.76 * w), 46):
             image[: int(0.84 * h), x : x + 5] *= 0.72
-        text(image, "NORDFRACHT", (0.37 * w, 0.40 * h), 90, (0.16, 0.22, 0.45))
     if kind == "bus":
         image[int(0.60 * h) : int(0.70 * h)] *= 0.55
-        text(image, "CITY LINE", (0.62 * w, 0.40 * h), 60, (0.25,) * 3)
-    if kind == "van":
-        text(image, "ELEKTRO KURZ", (0.34 * w, 0.34 * h), 46, (0.30,) * 3)
     for x in wheels:
         middle = (int(x * w), h - 8)
         cv2.circle(image, middle, int(radius * w * 1.20), (0.06,) * 3, -1, cv2.LINE_AA)
@@ -127,4 +123,11 @@ def _lamp(colour: tuple[float, float, float], glow: float) -> Rgba:
 def cloth(seed: int) -> Rgba:
     """Woven cloth with folds; near white, to be tinted."""
     value = 0.74 + 0.34 * (fbm(128, seed, slope=1.5, stretch=0.6) - 0.5) + 0.14 * (fbm(128, seed + 1, slope=0.3, lowest=12) - 0.5)
+    return rgba(np.repeat(value[..., None], 3, axis=2))
+
+
+@lru_cache(maxsize=2)
+def sheet() -> Rgba:
+    """Painted sheet metal: almost even; near white, to be tinted."""
+    value = 0.93 + 0.05 * (fbm(128, 57, slope=1.5) - 0.5) + 0.02 * (fbm(128, 58, slope=0.4, lowest=12) - 0.5)
     return rgba(np.repeat(value[..., None], 3, axis=2))
