@@ -345,7 +345,7 @@ void main() {
     float r = length(v_corner);
     float fade = clamp(1.0 - r, 0.0, 1.0);
     float core = exp(-60.0 * r * r);
-    out_colour = vec4(v_light * (0.30 * fade * fade * fade + 0.9 * core) + vec3(0.5 * core), 1.0);
+    out_colour = vec4(v_light * (0.30 * fade * fade * fade + 0.9 * core) + vec3(0.5 * core * v_light.g), 1.0);
 }
 """
 

@@ -129,13 +129,13 @@ WEATHERS: Mapping[str, Weather] = MappingProxyType(
             _weather("rainy-night", **{**_NIGHT, "visibility_m": 500.0, "wetness": 1.0, "rain_mm_h": 9.0}),
             _weather(
                 "light-fog",
-                **{**_OVERCAST, "visibility_m": 150.0, "fog": (0.62, 0.64, 0.67)},
+                **{**_OVERCAST, "visibility_m": 150.0, "fog": (0.46, 0.475, 0.50)},
                 exposure_ms=3.0,
                 noise=1.6,
             ),
             _weather(
                 "heavy-fog",
-                **{**_OVERCAST, "visibility_m": 45.0, "fog": (0.58, 0.59, 0.61)},
+                **{**_OVERCAST, "visibility_m": 45.0, "fog": (0.43, 0.44, 0.455)},
                 exposure_ms=4.0,
                 noise=1.8,
             ),

@@ -76,8 +76,6 @@ def _shell(builder: Builder, path: Path, length: float) -> None:
         strip(builder, wall, path, span, profile, 4.0, sky=sky[order], upright=True)
         skirting = [(side * (h - 0.012), 0.0), (side * (h - 0.012), 0.10)][order]
         strip(builder, materials.metal(), path, span, skirting, 1.0, colour=(0.25, 0.27, 0.30), upright=True)
-        rail = [(side * (h - 0.03), 0.88), (side * (h - 0.03), 0.98)][order]
-        strip(builder, materials.bark(), path, span, rail, 1.0, colour=(1.0, 0.8, 0.6), upright=True)
     strip(builder, materials.ceiling(), path, span, [(h, z), (0.0, z), (-h, z)], 2.4, sky=(0.7, 1.0, 0.7))
     corners = [[length, h, 0.0], [length, -h, 0.0], [length, -h, z], [length, h, z]]
     builder.quad(wall, corners, np.array([[0, 0], [0.6, 0], [0.6, -0.65], [0, -0.65]]), sky=0.8)

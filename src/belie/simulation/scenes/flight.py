@@ -15,7 +15,7 @@ from belie.simulation.motion import Drive, Motion, Path, SpeedProfile, Unrest, t
 from belie.simulation.scenes import traffic
 from belie.simulation.scenes.common import centre_line, mount, require_manoeuvre
 from belie.simulation.scenes.road import line, strip
-from belie.simulation.world import Actor, Lane, World
+from belie.simulation.world import Actor, Glow, Lane, World
 
 MANOEUVRES = ("straight", "curve", "climb")
 _SPEED_M_S, _ALTITUDE_M = 9.0, 32.0
@@ -78,7 +78,7 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
     builder = Builder()
     _fields(builder, length, np.random.default_rng([seed, 401]))
     _country_road(builder, length)
-    _farms(builder, length, np.random.default_rng([seed, 402]))
+    lamps = _farms(builder, length, np.random.default_rng([seed, 402]))
     _trees(builder, length, np.random.default_rng([seed, 403]))
     path = _course(manoeuvre, length)
     drive = Drive(path=path, speed=SpeedProfile(start_m_s=_SPEED_M_S), start_m=_BEHIND_M)
@@ -90,14 +90,15 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
         static=builder.meshes(),
         actors=_actors(length, seed),
         ego=ego,
-        T_body_cam=mount(0.12, 0.0, -0.05, pitch_down_deg=38.0),
+        T_body_cam=mount(0.12, 0.0, -0.05, pitch_down_deg=32.0),
         lane=Lane(centre_m=centre_line(path, 3.0), half_width_m=8.0, speed_m_s=_SPEED_M_S),
-        lamps=np.zeros((0, 4)),
+        lamps=np.array(lamps),
+        glows=tuple(Glow(position_m=(x, y, 6.0), colour=(1.0, 0.8, 0.5), radius_m=1.5) for x, y, _, _ in lamps),
         ground_height_m=ground_height_m,
         has_flat_ground=False,
         shadow_reach_m=150.0,
         headlights_m=(0.2, 0.0, -0.1),
-        headlight_power=30.0,
+        headlight_power=45.0,
     )
 
 
@@ -124,6 +125,8 @@ def _fields(builder: Builder, length: float, rng: np.random.Generator) -> None:
     for x0, x1 in zip(xs[:-1], xs[1:], strict=True):
         for y0, y1 in zip(ys[:-1], ys[1:], strict=True):
             _field(builder, (x0, x1), (y0, y1), 12.0, rng)
+            if abs(y0) < 130.0:
+                _border(builder, (x0, x1), (y0, y1), rng)
     far_x, far_y = xs[-1], ys[-1]
     for x in np.arange(-400.0, far_x + 900.0, 180.0):
         for y in np.arange(-1100.0, 1100.0, 180.0):
@@ -135,7 +138,7 @@ def _fields(builder: Builder, length: float, rng: np.random.Generator) -> None:
 def _borders(start: float, stop: float, rng: np.random.Generator) -> list[float]:
     borders = [start]
     while borders[-1] < stop:
-        borders.append(borders[-1] + float(rng.uniform(38.0, 95.0)))
+        borders.append(borders[-1] + float(rng.uniform(26.0, 62.0)))
     return borders
 
 
@@ -152,6 +155,33 @@ def _field(
     builder.grid(materials.field(str(rng.choice(_CROPS))), points, uv, (shade, shade, shade))
 
 
+def _border(builder: Builder, x: tuple[float, float], y: tuple[float, float], rng: np.random.Generator) -> None:
+    """What divides a field from its neighbours: a hedge, a row of trees, a track, or nothing; and bales on some."""
+    kind = rng.random()
+    if kind < 0.30:
+        for at in np.arange(x[0], x[1], 2.6):
+            place = _on_ground(np.array([[at + float(rng.normal(0.0, 0.4)), y[0] + float(rng.normal(0.0, 0.4)), 0.0]]))[0]
+            if abs(place[1] - _ROAD_LEFT_M) > 16.0:
+                bush(builder, place, float(rng.uniform(1.6, 2.6)), rng, sprays=7)
+    elif kind < 0.62:
+        ends = np.linspace([x[0], y[0], 0.0], [x[0] + float(rng.normal(0.0, 3.0)), y[1], 0.0], 8)
+        track = [(-1.5, 0.0), (-0.5, 0.03), (0.5, 0.03), (1.5, 0.0)]
+        strip(builder, materials.field("soil"), Path(_on_ground(ends, 0.16)), (0.0, y[1] - y[0]), track, 12.0, step_m=6.0)
+    if rng.random() < 0.30:
+        for _ in range(int(rng.integers(4, 12))):
+            place = _on_ground(np.array([[rng.uniform(*x), rng.uniform(*y), 0.0]]), 0.6)[0]
+            if abs(place[1] - _ROAD_LEFT_M) > 12.0:
+                _bale(builder, place, float(rng.uniform(0.0, np.pi)))
+
+
+def _bale(builder: Builder, place: FloatArray, turn_rad: float) -> None:
+    along = 0.65 * np.array([math.cos(turn_rad), math.sin(turn_rad), 0.0])
+    straw = materials.field("wheat")
+    builder.tube(straw, tuple(place - along), tuple(place + along), (0.75, 0.75), (1.0, 0.96, 0.85), 12, (0.4, 0.15))
+    for sign in (-1.0, 1.0):
+        builder.disc(straw, tuple(place + sign * along), tuple(sign * along / 0.65), 0.75, (0.85, 0.8, 0.7))
+
+
 def _road_path(length: float) -> Path:
     ways = np.arange(-80.0, length + 300.0, 10.0)
     points = np.column_stack([ways, _ROAD_LEFT_M + 9.0 * np.sin(ways / 75.0), np.zeros_like(ways)])
@@ -166,8 +196,9 @@ def _country_road(builder: Builder, length: float) -> None:
     line(builder, path, span, 0.0, 0.14, dash_m=(4.0, 6.0))
 
 
-def _farms(builder: Builder, length: float, rng: np.random.Generator) -> None:
-    """Groups of houses and barns along the road."""
+def _farms(builder: Builder, length: float, rng: np.random.Generator) -> list[tuple[float, float, float, float]]:
+    """Groups of houses and barns along the road; gives the lamps in their yards."""
+    lamps = []
     x = float(rng.uniform(20.0, 45.0))
     while x < length + 260.0:
         side = float(rng.choice([-1.0, 1.0]))
@@ -180,20 +211,23 @@ def _farms(builder: Builder, length: float, rng: np.random.Generator) -> None:
             size = (16.0, 9.5, 4.2) if is_barn else (float(rng.uniform(9.0, 13.0)), float(rng.uniform(7.5, 9.0)), 3.4)
             farm_house(builder, size, rng, is_barn=is_barn)
             builder.T = SE3.identity()
+        yard = _on_ground(np.array([[x + 10.0, _ROAD_LEFT_M + side * 9.0, 0.0]]), 6.0)[0]
+        lamps.append((float(yard[0]), float(yard[1]), 6.0, 1.6))
         x += float(rng.uniform(48.0, 90.0))
+    return lamps
 
 
 def _trees(builder: Builder, length: float, rng: np.random.Generator) -> None:
     """Hedges, single trees, and copses."""
-    for _ in range(round(0.34 * (length + 330.0))):
+    for _ in range(round(0.8 * (length + 330.0))):
         place = np.array([[rng.uniform(-60.0, length + 330.0), rng.uniform(-150.0, 150.0), 0.0]])
         if abs(place[0, 1] - _ROAD_LEFT_M) < 16.0:
             continue
         foot = _on_ground(place)[0]
         if rng.random() < 0.6:
-            tree(builder, foot, float(rng.uniform(5.0, 10.0)), rng, sprays=26)
+            tree(builder, foot, float(rng.uniform(5.0, 10.0)), rng, sprays=40)
         else:
-            bush(builder, foot, float(rng.uniform(1.2, 2.6)), rng, sprays=10)
+            bush(builder, foot, float(rng.uniform(1.2, 2.6)), rng, sprays=12)
 
 
 def _actors(length: float, seed: int) -> tuple[Actor, ...]:

@@ -90,9 +90,9 @@ def _verges(builder: Builder, path: Path, rng: np.random.Generator) -> None:
             left = side * (edge + float(rng.choice([6.0, 14.0, 22.0, 60.0], p=[0.2, 0.3, 0.3, 0.2])) + float(rng.uniform(0, 5)))
             place = beside(path, way, left, -0.5).t
             if rng.random() < 0.7:
-                tree(builder, place, float(rng.uniform(6.0, 13.0)), rng, sprays=30)
+                tree(builder, place, float(rng.uniform(6.0, 13.0)), rng)
             else:
-                bush(builder, place, float(rng.uniform(1.0, 2.4)), rng, sprays=10)
+                bush(builder, place, float(rng.uniform(1.0, 2.4)), rng)
             way += float(rng.exponential(16.0)) + 3.0
     for k, way in enumerate(np.arange(110.0, path.length_m, 260.0)):
         T = beside(path, float(way), -edge - 3.2)

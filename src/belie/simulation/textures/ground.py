@@ -62,7 +62,7 @@ def grass(seed: int) -> Rgba:
     """A lawn: blades over soil; 4 m a tile."""
     rng = np.random.default_rng([seed, 8])
     base = 0.26 + 0.22 * (fbm(_SIZE, seed, slope=1.3) - 0.5)
-    image = np.ascontiguousarray(np.stack([base * 0.78, base * 1.06, base * 0.42], axis=2), np.float32)
+    image = np.ascontiguousarray(np.stack([base * 0.84, base * 1.02, base * 0.52], axis=2), np.float32)
     for _ in range(9000):
         x, y = rng.uniform(0, _SIZE, 2)
         dx, dy = rng.normal(0.0, 7.0, 2)
@@ -76,11 +76,11 @@ def grass(seed: int) -> Rgba:
 def field(kind: str, seed: int) -> Rgba:
     """A field: ``corn``, ``wheat``, ``rape``, ``soil`` or ``meadow``; rows along x; 12 m a tile."""
     colours = {
-        "corn": ((0.20, 0.32, 0.10), (0.33, 0.26, 0.17), 20),
+        "corn": ((0.24, 0.31, 0.14), (0.35, 0.29, 0.20), 20),
         "wheat": ((0.66, 0.55, 0.28), (0.50, 0.41, 0.22), 56),
-        "rape": ((0.70, 0.66, 0.14), (0.34, 0.42, 0.12), 40),
+        "rape": ((0.62, 0.58, 0.22), (0.36, 0.40, 0.18), 40),
         "soil": ((0.42, 0.32, 0.23), (0.30, 0.22, 0.16), 30),
-        "meadow": ((0.30, 0.40, 0.15), (0.24, 0.32, 0.12), 0),
+        "meadow": ((0.29, 0.35, 0.19), (0.26, 0.30, 0.16), 0),
     }
     crop, gap, rows = colours[kind]
     rng = np.random.default_rng([seed, 12])
@@ -112,16 +112,16 @@ def cracks(seed: int) -> Rgba:
     """Cracks in asphalt as a decal, 4 m a side: branching random walks, partly sealed with tar."""
     rng = np.random.default_rng([seed, 15])
     alpha = np.zeros((512, 512), np.float32)
-    for _ in range(int(rng.integers(2, 5))):
+    for _ in range(int(rng.integers(1, 3))):
         heading, point = rng.uniform(0, 2 * np.pi), rng.uniform(150, 362, 2)
-        branches = [(point, heading, int(rng.integers(4, 8)))]
+        branches = [(point, heading, int(rng.integers(3, 6)))]
         while branches:
             start, heading, width = branches.pop()
             points = [start]
             for _step in range(int(rng.integers(20, 60))):
                 heading += rng.normal(0.0, 0.38)
                 points.append(points[-1] + 6.5 * np.array([np.cos(heading), np.sin(heading)]))
-                if width > 2 and rng.random() < 0.05:
+                if width > 2 and rng.random() < 0.025:
                     branches.append((points[-1], heading + rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.2), width - 2))
             line = (np.array(points) * 16).round().astype(np.int32)
             cv2.polylines(alpha, [line], False, float(rng.uniform(0.65, 0.95)), width, cv2.LINE_AA, 4)

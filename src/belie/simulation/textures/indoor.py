@@ -34,8 +34,8 @@ def vinyl(seed: int) -> Rgba:
     image[:, :4] *= 0.62
     image[:4] *= 0.62
     for _ in range(14):
-        points = rng.uniform(0, 1024, 2) + np.cumsum(rng.normal(0, 10, (24, 2)) + rng.normal(0, 14, 2), axis=0)
-        cv2.polylines(image, [(points * 16).round().astype(np.int32)], False, 0.36, 2, cv2.LINE_AA, 4)
+        points = rng.uniform(0, 1024, 2) + np.cumsum(rng.normal(0, 2, (24, 2)) + rng.normal(0, 14, 2), axis=0)
+        cv2.polylines(image, [(points * 16).round().astype(np.int32)], False, 0.44, 2, cv2.LINE_AA, 4)
     return rgba(tinted(image, (0.96, 1.0, 1.02)))
 
 
