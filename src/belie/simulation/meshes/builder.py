@@ -16,8 +16,9 @@ _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 _UNIT_UV = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
 
 
-
-def _box_template() -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _box_template() -> tuple[
+    FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]
+]:
     """Corners (24, 3), normals, uv, the axes that uv run along, and triangles of a box from -1 to 1."""
     corners, normals, sides = [], [], []
     for axis in range(3):
@@ -34,7 +35,13 @@ def _box_template() -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.
             sides.append(np.tile([u, v], (4, 1)))
     first = 4 * np.arange(6)[:, None]
     triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
-    return np.concatenate(corners), np.concatenate(normals), np.tile(_UNIT_UV, (6, 1)), np.concatenate(sides), triangles
+    return (
+        np.concatenate(corners),
+        np.concatenate(normals),
+        np.tile(_UNIT_UV, (6, 1)),
+        np.concatenate(sides),
+        triangles,
+    )
 
 
 _BOX_CORNERS, _BOX_NORMALS, _BOX_UV, _BOX_SIDES, _BOX_TRIANGLES = _box_template()
@@ -55,7 +62,9 @@ class Builder:
 
     def __init__(self) -> None:
         self.T = SE3.identity()
-        self._faces: dict[Material, list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]]] = {}
+        self._faces: dict[
+            Material, list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]]
+        ] = {}
 
     def surface(
         self,
@@ -72,7 +81,13 @@ class Builder:
         tint = np.empty((len(p), 4))
         tint[:, :3] = colour
         tint[:, 3] = sky
-        entry = (self.T.apply(p), n @ self.T.R.T, np.asarray(uv, np.float64), tint, np.asarray(triangles, np.int64))
+        entry = (
+            self.T.apply(p),
+            n @ self.T.R.T,
+            np.asarray(uv, np.float64),
+            tint,
+            np.asarray(triangles, np.int64),
+        )
         self._faces.setdefault(material, []).append(entry)
 
     def quad(
@@ -130,7 +145,9 @@ class Builder:
         ring = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * v
         points = np.concatenate([a + radii[0] * ring, b + radii[1] * ring])
         along = np.linspace(0.0, repeats[0], sides + 1)
-        uv = np.concatenate([np.column_stack([along, along * 0 + repeats[1]]), np.column_stack([along, along * 0])])
+        uv = np.concatenate(
+            [np.column_stack([along, along * 0 + repeats[1]]), np.column_stack([along, along * 0])]
+        )
         i = np.arange(sides)
         lower, upper = i, i + sides + 1
         triangles = np.concatenate(
@@ -140,7 +157,12 @@ class Builder:
         self.surface(material, points, np.tile(ring, (2, 1)), uv, triangles, colour, sky)
 
     def disc(
-        self, material: Material, middle: Sequence[float], normal: Sequence[float], radius: float, colour: Colour = WHITE
+        self,
+        material: Material,
+        middle: Sequence[float],
+        normal: Sequence[float],
+        radius: float,
+        colour: Colour = WHITE,
     ) -> None:
         """Add a disc of twenty corners that shows the texture once; x or y of its normal is 1 or -1."""
         n = np.asarray(normal, np.float64)
@@ -172,7 +194,15 @@ class Builder:
             [np.column_stack([a, a + 1, a + columns + 1]), np.column_stack([a, a + columns + 1, a + columns])]
         )
         seen = np.broadcast_to(sky, points.shape[:2]).reshape(-1)
-        self.surface(material, points.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), triangles, colour, seen)
+        self.surface(
+            material,
+            points.reshape(-1, 3),
+            normals.reshape(-1, 3),
+            uv.reshape(-1, 2),
+            triangles,
+            colour,
+            seen,
+        )
 
     def meshes(self) -> tuple[Mesh, ...]:
         """One mesh for each material."""

@@ -31,7 +31,12 @@ _TINTS: tuple[Colour, ...] = (
     (0.76, 0.62, 0.58),
     (0.66, 0.70, 0.58),
 )
-_BRICK_TINTS: tuple[Colour, ...] = ((0.72, 0.40, 0.31), (0.60, 0.36, 0.28), (0.78, 0.62, 0.46), (0.55, 0.48, 0.44))
+_BRICK_TINTS: tuple[Colour, ...] = (
+    (0.72, 0.40, 0.31),
+    (0.60, 0.36, 0.28),
+    (0.78, 0.62, 0.46),
+    (0.55, 0.48, 0.44),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +79,9 @@ def facade_style(rng: np.random.Generator, *, most_floors: int = 6) -> FacadeSty
     )
 
 
-def house(builder: Builder, style: FacadeStyle, length_m: float, depth_m: float, rng: np.random.Generator) -> float:
+def house(
+    builder: Builder, style: FacadeStyle, length_m: float, depth_m: float, rng: np.random.Generator
+) -> float:
     """Add a terraced house; its facade runs along x from 0 and faces -y, the house lies behind it in +y.
 
     Returns its height, metres.
@@ -102,7 +109,16 @@ def house(builder: Builder, style: FacadeStyle, length_m: float, depth_m: float,
     return height
 
 
-def _rectangle(builder: Builder, material: Material, x0: float, x1: float, z0: float, z1: float, colour: Colour, foot_sky: float = 1.0) -> None:
+def _rectangle(
+    builder: Builder,
+    material: Material,
+    x0: float,
+    x1: float,
+    z0: float,
+    z1: float,
+    colour: Colour,
+    foot_sky: float = 1.0,
+) -> None:
     if x1 - x0 < 1e-6 or z1 - z0 < 1e-6:
         return
     corners = [[x0, 0.0, z0], [x1, 0.0, z0], [x1, 0.0, z1], [x0, 0.0, z1]]
@@ -110,7 +126,14 @@ def _rectangle(builder: Builder, material: Material, x0: float, x1: float, z0: f
     builder.quad(material, corners, uv, colour, [foot_sky, foot_sky, 1.0, 1.0])
 
 
-def _opening(builder: Builder, material: Material, box: tuple[float, float, float, float], uv_box: tuple[float, float, float, float], reveal: Material, tint: Colour) -> None:
+def _opening(
+    builder: Builder,
+    material: Material,
+    box: tuple[float, float, float, float],
+    uv_box: tuple[float, float, float, float],
+    reveal: Material,
+    tint: Colour,
+) -> None:
     """A recessed rectangle (x0, x1, z0, z1) with its four reveals."""
     x0, x1, z0, z1 = box
     d = _RECESS_M
@@ -121,8 +144,9 @@ def _opening(builder: Builder, material: Material, box: tuple[float, float, floa
         [[u0, v1], [u1, v1], [u1, v0], [u0, v0]],
         sky=[0.85, 0.85, 0.65, 0.65],
     )
-    outer, inner = np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]), np.array(
-        [[x0, d, z0], [x1, d, z0], [x1, d, z1], [x0, d, z1]]
+    outer, inner = (
+        np.array([[x0, 0, z0], [x1, 0, z0], [x1, 0, z1], [x0, 0, z1]]),
+        np.array([[x0, d, z0], [x1, d, z0], [x1, d, z1], [x0, d, z1]]),
     )
     for k in range(4):
         n = (k + 1) % 4
@@ -132,7 +156,16 @@ def _opening(builder: Builder, material: Material, box: tuple[float, float, floa
         builder.quad(reveal, side, uv, tint, [1.0, 1.0, _REVEAL_SKY, _REVEAL_SKY])
 
 
-def _window_bay(builder: Builder, style: FacadeStyle, x: float, z: float, width: float, tall: float, window_m: tuple[float, float], rng: np.random.Generator) -> None:
+def _window_bay(
+    builder: Builder,
+    style: FacadeStyle,
+    x: float,
+    z: float,
+    width: float,
+    tall: float,
+    window_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> None:
     w, h = window_m
     x0, z0 = x + 0.5 * (width - w), z + 0.28 * tall
     x1, z1 = x0 + w, min(z0 + h, z + tall - 0.25)
@@ -145,14 +178,31 @@ def _window_bay(builder: Builder, style: FacadeStyle, x: float, z: float, width:
     row = style.window_row if rng.random() < 0.7 else int(rng.integers(WINDOW_ROWS))
     u, v = column / WINDOW_COLUMNS, row / WINDOW_ROWS
     _opening(
-        builder, materials.windows(), (x0, x1, z0, z1), (u, u + 1 / WINDOW_COLUMNS, v, v + 1 / WINDOW_ROWS), style.wall, style.tint
+        builder,
+        materials.windows(),
+        (x0, x1, z0, z1),
+        (u, u + 1 / WINDOW_COLUMNS, v, v + 1 / WINDOW_ROWS),
+        style.wall,
+        style.tint,
     )
-    builder.box(materials.kerb(), (0.5 * (x0 + x1), -0.05, z0 - 0.04), (w + 0.24, 0.16, 0.08), style.trim, 2.0, 0.6)
+    builder.box(
+        materials.kerb(), (0.5 * (x0 + x1), -0.05, z0 - 0.04), (w + 0.24, 0.16, 0.08), style.trim, 2.0, 0.6
+    )
     if rng.random() < 0.8:
-        builder.box(materials.kerb(), (0.5 * (x0 + x1), -0.025, z1 + 0.09), (w + 0.30, 0.06, 0.18), style.trim, 2.0)
+        builder.box(
+            materials.kerb(), (0.5 * (x0 + x1), -0.025, z1 + 0.09), (w + 0.30, 0.06, 0.18), style.trim, 2.0
+        )
 
 
-def _ground_bay(builder: Builder, style: FacadeStyle, x: float, width: float, tall: float, is_door: bool, rng: np.random.Generator) -> None:
+def _ground_bay(
+    builder: Builder,
+    style: FacadeStyle,
+    x: float,
+    width: float,
+    tall: float,
+    is_door: bool,
+    rng: np.random.Generator,
+) -> None:
     if is_door:
         w, h = 1.15, 2.35
         x0 = x + 0.5 * (width - w)
@@ -160,9 +210,18 @@ def _ground_bay(builder: Builder, style: FacadeStyle, x: float, width: float, ta
         _rectangle(builder, style.base, x0 + w, x + width, 0.0, tall, style.tint, _FOOT_SKY)
         _rectangle(builder, style.base, x0, x0 + w, h, tall, style.tint)
         u = int(rng.integers(DOOR_COLUMNS)) / DOOR_COLUMNS
-        _opening(builder, materials.doors(), (x0, x0 + w, 0.0, h), (u, u + 1 / DOOR_COLUMNS, 0.0, 1.0), style.base, style.tint)
+        _opening(
+            builder,
+            materials.doors(),
+            (x0, x0 + w, 0.0, h),
+            (u, u + 1 / DOOR_COLUMNS, 0.0, 1.0),
+            style.base,
+            style.tint,
+        )
         builder.box(materials.kerb(), (x0 + 0.5 * w, -0.2, 0.08), (w + 0.5, 0.5, 0.16), style.trim, 2.0, 0.6)
-        builder.box(materials.kerb(), (x0 + 0.5 * w, -0.3, h + 0.22), (w + 0.8, 0.7, 0.12), style.trim, 2.0, 0.6)
+        builder.box(
+            materials.kerb(), (x0 + 0.5 * w, -0.3, h + 0.22), (w + 0.8, 0.7, 0.12), style.trim, 2.0, 0.6
+        )
     elif style.has_shops and width > 2.2:
         w, h = width - 0.4, 2.9
         x0 = x + 0.2
@@ -172,7 +231,12 @@ def _ground_bay(builder: Builder, style: FacadeStyle, x: float, width: float, ta
         column, row = int(rng.integers(SHOP_COLUMNS)), int(rng.integers(SHOP_ROWS))
         u, v = column / SHOP_COLUMNS, row / SHOP_ROWS
         _opening(
-            builder, materials.shops(), (x0, x0 + w, 0.0, h), (u, u + 1 / SHOP_COLUMNS, v, v + 1 / SHOP_ROWS), style.base, style.tint
+            builder,
+            materials.shops(),
+            (x0, x0 + w, 0.0, h),
+            (u, u + 1 / SHOP_COLUMNS, v, v + 1 / SHOP_ROWS),
+            style.base,
+            style.tint,
         )
         if rng.random() < 0.5:
             _awning(builder, x0, x0 + w, h - 0.1, rng)
@@ -181,14 +245,24 @@ def _ground_bay(builder: Builder, style: FacadeStyle, x: float, width: float, ta
 
 
 def _awning(builder: Builder, x0: float, x1: float, z: float, rng: np.random.Generator) -> None:
-    colour = ((0.75, 0.20, 0.16), (0.18, 0.40, 0.26), (0.80, 0.72, 0.52), (0.20, 0.28, 0.50))[int(rng.integers(4))]
+    colour = ((0.75, 0.20, 0.16), (0.18, 0.40, 0.26), (0.80, 0.72, 0.52), (0.20, 0.28, 0.50))[
+        int(rng.integers(4))
+    ]
     stripes = max(2, round((x1 - x0) / 0.35))
     edges = np.linspace(x0, x1, stripes + 1)
     for i in range(stripes):
         a, b = edges[i], edges[i + 1]
         tint = colour if i % 2 else (0.92, 0.90, 0.85)
-        builder.quad(materials.cloth(), [[a, -1.1, z - 0.35], [b, -1.1, z - 0.35], [b, 0.0, z], [a, 0.0, z]], colour=tint)
-        builder.quad(materials.cloth(), [[a, -1.1, z - 0.58], [b, -1.1, z - 0.58], [b, -1.1, z - 0.35], [a, -1.1, z - 0.35]], colour=tint)
+        builder.quad(
+            materials.cloth(),
+            [[a, -1.1, z - 0.35], [b, -1.1, z - 0.35], [b, 0.0, z], [a, 0.0, z]],
+            colour=tint,
+        )
+        builder.quad(
+            materials.cloth(),
+            [[a, -1.1, z - 0.58], [b, -1.1, z - 0.58], [b, -1.1, z - 0.35], [a, -1.1, z - 0.35]],
+            colour=tint,
+        )
 
 
 def _balcony(builder: Builder, style: FacadeStyle, x: float, z: float, width: float) -> None:
@@ -206,18 +280,38 @@ def _balcony(builder: Builder, style: FacadeStyle, x: float, z: float, width: fl
 def _bands(builder: Builder, style: FacadeStyle, length_m: float, height: float) -> None:
     """String course, cornice and a roof that rises behind it."""
     middle = 0.5 * length_m
-    builder.box(materials.kerb(), (middle, -0.06, style.ground_floor_m - 0.08), (length_m, 0.14, 0.22), style.trim, 3.0, 0.6)
+    builder.box(
+        materials.kerb(),
+        (middle, -0.06, style.ground_floor_m - 0.08),
+        (length_m, 0.14, 0.22),
+        style.trim,
+        3.0,
+        0.6,
+    )
     builder.box(materials.kerb(), (middle, -0.16, height - 0.1), (length_m, 0.42, 0.26), style.trim, 3.0, 0.5)
-    builder.box(materials.kerb(), (middle, -0.22, height + 0.09), (length_m + 0.1, 0.56, 0.12), style.trim, 3.0, 0.5)
+    builder.box(
+        materials.kerb(), (middle, -0.22, height + 0.09), (length_m + 0.1, 0.56, 0.12), style.trim, 3.0, 0.5
+    )
     rise, run = 2.4, 3.4
     slope = float(np.hypot(rise, run)) / 3.0
     builder.quad(
         materials.roof_tiles(),
-        [[0.0, 0.0, height + 0.1], [length_m, 0.0, height + 0.1], [length_m, run, height + rise], [0.0, run, height + rise]],
+        [
+            [0.0, 0.0, height + 0.1],
+            [length_m, 0.0, height + 0.1],
+            [length_m, run, height + rise],
+            [0.0, run, height + rise],
+        ],
         [[0.0, slope], [length_m / 3.0, slope], [length_m / 3.0, 0.0], [0.0, 0.0]],
         (0.56, 0.34, 0.27) if style.floors % 2 else (0.38, 0.38, 0.42),
     )
-    builder.box(materials.wall("brick", 1), (0.3 * length_m, 2.6, height + rise), (0.9, 0.7, 1.9), (0.62, 0.38, 0.30), 4.0)
+    builder.box(
+        materials.wall("brick", 1),
+        (0.3 * length_m, 2.6, height + rise),
+        (0.9, 0.7, 1.9),
+        (0.62, 0.38, 0.30),
+        4.0,
+    )
 
 
 def _side_walls(builder: Builder, style: FacadeStyle, length_m: float, depth_m: float, height: float) -> None:
@@ -226,16 +320,44 @@ def _side_walls(builder: Builder, style: FacadeStyle, length_m: float, depth_m: 
         uv = [[y / TILE_M, -z / TILE_M] for _, y, z in corners]
         builder.quad(style.wall, corners, uv, style.tint, [_FOOT_SKY, _FOOT_SKY, 1.0, 1.0])
     # The back closes the house, so that the sun does not shine through it.
-    corners = [[length_m, depth_m, 0.0], [0.0, depth_m, 0.0], [0.0, depth_m, height], [length_m, depth_m, height]]
-    builder.quad(style.wall, corners, [[0, 0], [length_m / TILE_M, 0], [length_m / TILE_M, -height / TILE_M], [0, -height / TILE_M]], style.tint)
-    builder.quad(style.wall, [[0, 3.4, height + 2.4], [length_m, 3.4, height + 2.4], [length_m, depth_m, height], [0, depth_m, height]], colour=(0.4, 0.4, 0.4))
+    corners = [
+        [length_m, depth_m, 0.0],
+        [0.0, depth_m, 0.0],
+        [0.0, depth_m, height],
+        [length_m, depth_m, height],
+    ]
+    builder.quad(
+        style.wall,
+        corners,
+        [[0, 0], [length_m / TILE_M, 0], [length_m / TILE_M, -height / TILE_M], [0, -height / TILE_M]],
+        style.tint,
+    )
+    builder.quad(
+        style.wall,
+        [
+            [0, 3.4, height + 2.4],
+            [length_m, 3.4, height + 2.4],
+            [length_m, depth_m, height],
+            [0, depth_m, height],
+        ],
+        colour=(0.4, 0.4, 0.4),
+    )
 
 
 def _drainpipe(builder: Builder, length_m: float, height: float) -> None:
-    builder.tube(materials.metal(), (length_m - 0.12, -0.12, 0.0), (length_m - 0.12, -0.12, height), (0.055, 0.055), (0.45, 0.47, 0.48), 6)
+    builder.tube(
+        materials.metal(),
+        (length_m - 0.12, -0.12, 0.0),
+        (length_m - 0.12, -0.12, height),
+        (0.055, 0.055),
+        (0.45, 0.47, 0.48),
+        6,
+    )
 
 
-def farm_house(builder: Builder, size_m: tuple[float, float, float], rng: np.random.Generator, *, is_barn: bool = False) -> None:
+def farm_house(
+    builder: Builder, size_m: tuple[float, float, float], rng: np.random.Generator, *, is_barn: bool = False
+) -> None:
     """Add a free-standing house with a pitched roof, its middle at the origin, its ridge along x."""
     length, width, eaves = size_m
     ridge = eaves + 0.42 * width
@@ -247,7 +369,12 @@ def farm_house(builder: Builder, size_m: tuple[float, float, float], rng: np.ran
     )  # fmt: skip
     base = builder.T
     half_l, half_w = 0.5 * length, 0.5 * width
-    for turn, run, far in ((0.0, length, half_w), (np.pi, length, half_w), (0.5 * np.pi, width, half_l), (-0.5 * np.pi, width, half_l)):
+    for turn, run, far in (
+        (0.0, length, half_w),
+        (np.pi, length, half_w),
+        (0.5 * np.pi, width, half_l),
+        (-0.5 * np.pi, width, half_l),
+    ):
         c, s = float(np.cos(turn)), float(np.sin(turn))
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         builder.T = base @ SE3(R, R @ np.array([-0.5 * run, -far, 0.0]))
@@ -272,4 +399,10 @@ def farm_house(builder: Builder, size_m: tuple[float, float, float], rng: np.ran
         y = side * (half_w + over)
         corners = [[b, -y, lower], [a, -y, lower], [a, 0.0, ridge + 0.05], [b, 0.0, ridge + 0.05]]
         builder.quad(materials.roof_tiles(), corners, [[0, slope], [span, slope], [span, 0], [0, 0]], roof)
-    builder.box(materials.wall("brick", 1), (0.25 * length, 0.12 * width, ridge), (0.8, 0.7, 1.6), (0.6, 0.36, 0.3), 4.0)
+    builder.box(
+        materials.wall("brick", 1),
+        (0.25 * length, 0.12 * width, ridge),
+        (0.8, 0.7, 1.6),
+        (0.6, 0.36, 0.3),
+        4.0,
+    )

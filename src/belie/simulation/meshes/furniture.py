@@ -17,10 +17,14 @@ _DARK: Colour = (0.10, 0.11, 0.12)
 LAMP_HEIGHT_M = 6.2
 
 
-def street_lamp(builder: Builder, foot: FloatArray, towards: FloatArray) -> tuple[Glow, tuple[float, float, float, float]]:
+def street_lamp(
+    builder: Builder, foot: FloatArray, towards: FloatArray
+) -> tuple[Glow, tuple[float, float, float, float]]:
     """Add a lamp whose arm reaches towards the road (unit vector, shape (3,)); gives its glow and its light."""
     base, top = foot, foot + [0.0, 0.0, LAMP_HEIGHT_M]
-    builder.tube(materials.metal(), tuple(base), tuple(base + [0, 0, 1.0]), (0.11, 0.10), _DARK, 8, sky_foot=0.5)
+    builder.tube(
+        materials.metal(), tuple(base), tuple(base + [0, 0, 1.0]), (0.11, 0.10), _DARK, 8, sky_foot=0.5
+    )
     builder.tube(materials.metal(), tuple(base + [0, 0, 1.0]), tuple(top), (0.075, 0.05), _DARK, 8)
     head = top + 1.3 * towards + [0.0, 0.0, 0.15]
     builder.tube(materials.metal(), tuple(top), tuple(head), (0.05, 0.04), _DARK, 6)
@@ -31,7 +35,9 @@ def street_lamp(builder: Builder, foot: FloatArray, towards: FloatArray) -> tupl
 
 
 def _post(builder: Builder, height_m: float) -> None:
-    builder.tube(materials.metal(), (0.0, 0.0, 0.0), (0.0, 0.0, height_m), (0.035, 0.035), _STEEL, 8, sky_foot=0.5)
+    builder.tube(
+        materials.metal(), (0.0, 0.0, 0.0), (0.0, 0.0, height_m), (0.035, 0.035), _STEEL, 8, sky_foot=0.5
+    )
 
 
 @lru_cache(maxsize=16)
@@ -40,11 +46,17 @@ def sign_parts(kind: str, *, patched: bool = False) -> tuple[Part, ...]:
     builder = Builder()
     _post(builder, 2.75)
     size = 0.42 if kind == "stop" else 0.34
-    material = materials.sign(signs.stop_sign, patched) if kind == "stop" else materials.sign(signs.speed_sign, int(kind))
+    material = (
+        materials.sign(signs.stop_sign, patched)
+        if kind == "stop"
+        else materials.sign(signs.speed_sign, int(kind))
+    )
     z = 2.75 - size
     for x, side, tint in ((0.045, 1.0, (1.0, 1.0, 1.0)), (0.040, -1.0, (0.40, 0.40, 0.40))):
         y = side * size
-        builder.quad(material, [[x, -y, z - size], [x, y, z - size], [x, y, z + size], [x, -y, z + size]], colour=tint)
+        builder.quad(
+            material, [[x, -y, z - size], [x, y, z - size], [x, y, z + size], [x, -y, z + size]], colour=tint
+        )
     return (Part(meshes=builder.meshes()),)
 
 
@@ -58,7 +70,11 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
     _post_wide(builder)
     builder.box(materials.metal(), (0.02, 0.0, 3.45), (0.26, 0.34, 1.05), (0.07, 0.08, 0.07))
     builder.box(materials.metal(), (-0.12, 0.0, 3.45), (0.02, 0.52, 1.25), (0.06, 0.06, 0.06))
-    colours: dict[str, tuple[float, Colour]] = {"red": (3.78, (0.95, 0.06, 0.05)), "amber": (3.45, (0.98, 0.62, 0.06)), "green": (3.12, (0.10, 0.90, 0.45))}
+    colours: dict[str, tuple[float, Colour]] = {
+        "red": (3.78, (0.95, 0.06, 0.05)),
+        "amber": (3.45, (0.98, 0.62, 0.06)),
+        "green": (3.12, (0.10, 0.90, 0.45)),
+    }
     for z, colour in colours.values():
         dark: Colour = tuple(0.16 * c + 0.02 for c in colour)  # type: ignore[assignment]
         builder.disc(materials.metal(), (0.155, 0.0, z), (1.0, 0.0, 0.0), 0.11, dark)
@@ -75,7 +91,9 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
 
 
 def _post_wide(builder: Builder) -> None:
-    builder.tube(materials.metal(), (-0.12, 0.0, 0.0), (-0.12, 0.0, 4.0), (0.07, 0.055), _DARK, 8, sky_foot=0.5)
+    builder.tube(
+        materials.metal(), (-0.12, 0.0, 0.0), (-0.12, 0.0, 4.0), (0.07, 0.055), _DARK, 8, sky_foot=0.5
+    )
 
 
 def bench(builder: Builder) -> None:
@@ -96,14 +114,20 @@ def bin_(builder: Builder, colour: Colour) -> None:
 def bollard(builder: Builder) -> None:
     """Add a bollard at the origin."""
     builder.tube(materials.metal(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.86), (0.07, 0.06), _DARK, 10, sky_foot=0.5)
-    builder.tube(materials.metal(), (0.0, 0.0, 0.70), (0.0, 0.0, 0.80), (0.068, 0.066), (0.85, 0.85, 0.82), 10)
+    builder.tube(
+        materials.metal(), (0.0, 0.0, 0.70), (0.0, 0.0, 0.80), (0.068, 0.066), (0.85, 0.85, 0.82), 10
+    )
     builder.disc(materials.metal(), (0.0, 0.0, 0.86), (0.0, 0.0, 1.0), 0.06, _DARK)
 
 
 def board(builder: Builder, words: str, width_m: float, z: float) -> None:
     """Add a direction board on two posts, facing -x, its middle above the origin."""
     for y in (-0.35 * width_m, 0.35 * width_m):
-        builder.tube(materials.metal(), (0.08, y, 0.0), (0.08, y, z + 0.25 * width_m), (0.06, 0.06), _STEEL, 8)
+        builder.tube(
+            materials.metal(), (0.08, y, 0.0), (0.08, y, z + 0.25 * width_m), (0.06, 0.06), _STEEL, 8
+        )
     half, tall = 0.5 * width_m, 0.25 * width_m
-    face = np.array([[0.0, half, z - tall], [0.0, -half, z - tall], [0.0, -half, z + tall], [0.0, half, z + tall]])
+    face = np.array(
+        [[0.0, half, z - tall], [0.0, -half, z - tall], [0.0, -half, z + tall], [0.0, half, z + tall]]
+    )
     builder.quad(materials.picture(signs.board, words), face)

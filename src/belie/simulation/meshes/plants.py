@@ -14,7 +14,9 @@ from belie.simulation.world import Colour
 _GREENS: tuple[Colour, ...] = ((0.94, 0.90, 0.88), (0.82, 0.88, 0.80), (0.96, 0.86, 0.74), (0.78, 0.82, 0.82))
 
 
-def tree(builder: Builder, place: FloatArray, height_m: float, rng: np.random.Generator, *, sprays: int = 64) -> None:
+def tree(
+    builder: Builder, place: FloatArray, height_m: float, rng: np.random.Generator, *, sprays: int = 64
+) -> None:
     """Add a broad-leaved tree that stands at a place, world."""
     trunk_m = height_m * float(rng.uniform(0.30, 0.38))
     crown = np.array([0.30, 0.30, 0.36]) * height_m * rng.uniform(0.9, 1.1, 3)
@@ -22,21 +24,42 @@ def tree(builder: Builder, place: FloatArray, height_m: float, rng: np.random.Ge
     radius = 0.018 * height_m + 0.03
     lean = rng.normal(0.0, 0.02 * height_m, 2)
     fork = place + [lean[0], lean[1], trunk_m]
-    builder.tube(materials.bark(), tuple(place), tuple(fork), (radius * 1.3, radius), repeats=(1.0, trunk_m), sky_foot=0.6)
+    builder.tube(
+        materials.bark(),
+        tuple(place),
+        tuple(fork),
+        (radius * 1.3, radius),
+        repeats=(1.0, trunk_m),
+        sky_foot=0.6,
+    )
     for _ in range(4):
         tip = middle + crown * rng.uniform(-0.5, 0.6, 3)
-        builder.tube(materials.bark(), tuple(fork), tuple(tip), (0.6 * radius, 0.15 * radius), sides=5, repeats=(1.0, 2.0))
+        builder.tube(
+            materials.bark(),
+            tuple(fork),
+            tuple(tip),
+            (0.6 * radius, 0.15 * radius),
+            sides=5,
+            repeats=(1.0, 2.0),
+        )
     _sprays(builder, middle, crown, sprays, 0.19 * height_m, rng)
 
 
-def bush(builder: Builder, place: FloatArray, size_m: float, rng: np.random.Generator, *, sprays: int = 14) -> None:
+def bush(
+    builder: Builder, place: FloatArray, size_m: float, rng: np.random.Generator, *, sprays: int = 14
+) -> None:
     """Add a bush that stands at a place, world."""
     extent = size_m * np.array([0.6, 0.6, 0.45])
     _sprays(builder, place + [0.0, 0.0, 0.42 * size_m], extent, sprays, 0.55 * size_m, rng)
 
 
 def _sprays(
-    builder: Builder, middle: FloatArray, extent: FloatArray, count: int, size_m: float, rng: np.random.Generator
+    builder: Builder,
+    middle: FloatArray,
+    extent: FloatArray,
+    count: int,
+    size_m: float,
+    rng: np.random.Generator,
 ) -> None:
     """Leaves on a shell: those inside a crown are not seen. Normals point outwards, as a crown is lit as a whole."""
     tint = _GREENS[int(rng.integers(len(_GREENS)))]
@@ -56,7 +79,12 @@ def _sprays(
         turn = rng.uniform(0.0, 2.0 * np.pi)
         u, v = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
         half = 0.5 * size_m * float(rng.uniform(0.85, 1.25))
-        corners = [centre - half * u - half * v, centre + half * u - half * v, centre + half * u + half * v, centre - half * u + half * v]
+        corners = [
+            centre - half * u - half * v,
+            centre + half * u - half * v,
+            centre + half * u + half * v,
+            centre - half * u + half * v,
+        ]
         sky = np.clip(0.62 + 0.38 * z + rng.normal(0.0, 0.05), 0.3, 1.0)
         uv = [[0, 1], [1, 1], [1, 0], [0, 0]]
         builder.surface(material, corners, np.tile(out, (4, 1)), uv, [[0, 1, 2], [0, 2, 3]], tint, sky)

@@ -163,14 +163,18 @@ def vehicle_parts(kind: str, paint: Colour, number: int, *, rolls: bool = True) 
     for x, y, side in places:
         wheel = Builder()
         _wheel(wheel, x, y, side, body.wheel_m)
-        wheels.append(Part(meshes=wheel.meshes(), pivot_m=(x, y, body.wheel_m), rolling_radius_m=body.wheel_m))
+        wheels.append(
+            Part(meshes=wheel.meshes(), pivot_m=(x, y, body.wheel_m), rolling_radius_m=body.wheel_m)
+        )
     return (Part(meshes=builder.meshes()), *wheels)
 
 
 def _sheet_metal(builder: Builder, kind: str, body: Body, paint: Colour) -> None:
     rear, length = body.sections[0][0], body.length_m
     shares = tuple(round((x - rear) / length, 3) for x in body.wheels_x)
-    side_material = materials.surface(vehicles.side, kind, shares, round(body.wheel_m / length, 4), gloss=0.22)
+    side_material = materials.surface(
+        vehicles.side, kind, shares, round(body.wheel_m / length, 4), gloss=0.22
+    )
     plain = materials.surface(vehicles.sheet, gloss=0.3)
     xs = np.array([s[0] for s in body.sections])
     for side in (-1.0, 1.0):
@@ -251,21 +255,39 @@ def _fittings(builder: Builder, kind: str, body: Body, number: int) -> None:
     plate = materials.picture(signs.plate, number)
     for side in (-1.0, 1.0):
         lamp_y = side * 0.80 * body.sections[-2][1]
-        builder.box(materials.lamp((0.86, 0.88, 0.88), 1.0), (body.sections[-2][0] + 0.01, lamp_y, body.lamp_z[0]), (0.16, 0.30, 0.15))
+        builder.box(
+            materials.lamp((0.86, 0.88, 0.88), 1.0),
+            (body.sections[-2][0] + 0.01, lamp_y, body.lamp_z[0]),
+            (0.16, 0.30, 0.15),
+        )
         tail_y = side * 0.84 * body.sections[1][1]
-        builder.box(materials.lamp((0.55, 0.03, 0.03), 0.9), (body.sections[0][0] + 0.06, tail_y, body.lamp_z[1]), (0.16, 0.22, 0.26))
+        builder.box(
+            materials.lamp((0.55, 0.03, 0.03), 0.9),
+            (body.sections[0][0] + 0.06, tail_y, body.lamp_z[1]),
+            (0.16, 0.22, 0.26),
+        )
         mirror_x = body.windows[-1][1] - 0.05
         width = float(_section(body, mirror_x)[0])
         belt = float(_section(body, mirror_x)[2])
-        builder.box(materials.metal(), (mirror_x, side * (width + 0.06), belt + 0.08), (0.14, 0.2, 0.15), (0.13, 0.13, 0.14))
+        builder.box(
+            materials.metal(),
+            (mirror_x, side * (width + 0.06), belt + 0.08),
+            (0.14, 0.2, 0.15),
+            (0.13, 0.13, 0.14),
+        )
     z = 0.5 if kind in ("car", "van") else 0.72
     for x, ahead in ((front[0] + 0.02, 1.0), (rear[0] - 0.02, -1.0)):
         y = ahead * 0.26
         builder.quad(plate, [[x, -y, z - 0.06], [x, y, z - 0.06], [x, y, z + 0.06], [x, -y, z + 0.06]])
     if kind == "truck":
         for y, ahead in ((-1.262, 1.0), (1.262, -1.0)):
-            board = np.array([[-3.0 * ahead, y, 2.0], [0.8 * ahead, y, 2.0], [0.8 * ahead, y, 3.0], [-3.0 * ahead, y, 3.0]])
-            builder.quad(materials.picture(signs.board, "NORDFRACHT"), board + ([-1.1, 0.0, 0.0] if ahead < 0 else [0.0] * 3))
+            board = np.array(
+                [[-3.0 * ahead, y, 2.0], [0.8 * ahead, y, 2.0], [0.8 * ahead, y, 3.0], [-3.0 * ahead, y, 3.0]]
+            )
+            builder.quad(
+                materials.picture(signs.board, "NORDFRACHT"),
+                board + ([-1.1, 0.0, 0.0] if ahead < 0 else [0.0] * 3),
+            )
     width = 2.0 * body.sections[1][1] - 0.35
     builder.box(materials.metal(), (0.0, 0.0, 0.30), (body.length_m - 0.5, width, 0.2), (0.05, 0.05, 0.05))
 
@@ -274,7 +296,12 @@ def _wheel(builder: Builder, x: float, y: float, side: float, radius: float) -> 
     wide = 0.22
     builder.disc(materials.surface(vehicles.wheel), (x, y, radius), (0.0, side, 0.0), radius)
     builder.tube(
-        materials.metal(), (x, y, radius), (x, y - side * wide, radius), (radius, radius), (0.09, 0.09, 0.09), 20
+        materials.metal(),
+        (x, y, radius),
+        (x, y - side * wide, radius),
+        (radius, radius),
+        (0.09, 0.09, 0.09),
+        20,
     )
 
 
@@ -284,8 +311,22 @@ def vehicle_glows(kind: str) -> tuple[Glow, ...]:
     lamps = []
     for side in (-1.0, 1.0):
         y = side * 0.80 * body.sections[-2][1]
-        lamps.append(Glow(position_m=(body.sections[-1][0] + 0.12, y, body.lamp_z[0]), colour=(1.0, 0.95, 0.82), radius_m=0.75, facing=(1.0, 0.0, 0.0)))
-        lamps.append(Glow(position_m=(body.sections[0][0] - 0.12, y, body.lamp_z[1]), colour=(0.8, 0.06, 0.04), radius_m=0.35, facing=(-1.0, 0.0, 0.0)))
+        lamps.append(
+            Glow(
+                position_m=(body.sections[-1][0] + 0.12, y, body.lamp_z[0]),
+                colour=(1.0, 0.95, 0.82),
+                radius_m=0.75,
+                facing=(1.0, 0.0, 0.0),
+            )
+        )
+        lamps.append(
+            Glow(
+                position_m=(body.sections[0][0] - 0.12, y, body.lamp_z[1]),
+                colour=(0.8, 0.06, 0.04),
+                radius_m=0.35,
+                facing=(-1.0, 0.0, 0.0),
+            )
+        )
     return tuple(lamps)
 
 
@@ -294,7 +335,9 @@ def brake_lamps(kind: str, spans_s: tuple[tuple[float, float], ...]) -> Part:
     body, builder = BODIES[kind], Builder()
     for side in (-1.0, 1.0):
         y = side * 0.84 * body.sections[1][1]
-        builder.box(materials.bright_lamp((1.0, 0.10, 0.07)), (body.sections[0][0] + 0.05, y, body.lamp_z[1]), (0.18, 0.23, 0.27))
+        builder.box(
+            materials.bright_lamp((1.0, 0.10, 0.07)),
+            (body.sections[0][0] + 0.05, y, body.lamp_z[1]),
+            (0.18, 0.23, 0.27),
+        )
     return Part(meshes=builder.meshes(), shown_s=spans_s)
-
-

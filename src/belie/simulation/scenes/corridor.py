@@ -39,11 +39,18 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
     length = _BEHIND_M + max(12.0, _SPEED_M_S * duration_s) + 12.0
     ways = np.arange(0.0, length + 1.0, 1.0)
     middle = Path(np.column_stack([ways, np.zeros_like(ways), np.zeros_like(ways)]))
-    sway = 0.36 * np.sin(2.0 * np.pi * (ways - _BEHIND_M) / 7.5) if manoeuvre == "curve" else 0.03 * np.sin(ways / 1.7)
+    sway = (
+        0.36 * np.sin(2.0 * np.pi * (ways - _BEHIND_M) / 7.5)
+        if manoeuvre == "curve"
+        else 0.03 * np.sin(ways / 1.7)
+    )
     track = Path(np.column_stack([ways, sway, np.zeros_like(ways)]))
     ramps: tuple[Ramp, ...] = ()
     if manoeuvre == "stop-and-go":
-        ramps = (Ramp(start_s=3.0, duration_s=1.5, change_m_s=-_SPEED_M_S), Ramp(start_s=6.5, duration_s=1.5, change_m_s=_SPEED_M_S))
+        ramps = (
+            Ramp(start_s=3.0, duration_s=1.5, change_m_s=-_SPEED_M_S),
+            Ramp(start_s=6.5, duration_s=1.5, change_m_s=_SPEED_M_S),
+        )
     speed = SpeedProfile(start_m_s=_SPEED_M_S, ramps=ramps)
     builder = Builder()
     _shell(builder, middle, length)
@@ -54,7 +61,9 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
     return World(
         static=builder.meshes(),
         actors=_actors(length, seed),
-        ego=Unrest(drive, seed=seed, heave_m=0.0012, roll_rad=0.003, pitch_rad=0.003, slowest_hz=2.0, fastest_hz=7.0),
+        ego=Unrest(
+            drive, seed=seed, heave_m=0.0012, roll_rad=0.003, pitch_rad=0.003, slowest_hz=2.0, fastest_hz=7.0
+        ),
         T_body_cam=mount(0.18, 0.0, 0.30),
         lane=Lane(centre_m=centre_line(track, 0.25), half_width_m=0.5, speed_m_s=_SPEED_M_S),
         lamps=np.array(lamps),
@@ -79,7 +88,14 @@ def _shell(builder: Builder, path: Path, length: float) -> None:
     strip(builder, materials.ceiling(), path, span, [(h, z), (0.0, z), (-h, z)], 2.4, sky=(0.7, 1.0, 0.7))
     corners = [[length, h, 0.0], [length, -h, 0.0], [length, -h, z], [length, h, z]]
     builder.quad(wall, corners, np.array([[0, 0], [0.6, 0], [0.6, -0.65], [0, -0.65]]), sky=0.8)
-    builder.tube(materials.metal(), (0.0, h - 0.14, z - 0.14), (length, h - 0.14, z - 0.14), (0.055, 0.055), (0.75, 0.72, 0.68), 10)
+    builder.tube(
+        materials.metal(),
+        (0.0, h - 0.14, z - 0.14),
+        (length, h - 0.14, z - 0.14),
+        (0.055, 0.055),
+        (0.75, 0.72, 0.68),
+        10,
+    )
 
 
 def _ceiling_lights(builder: Builder, length: float) -> list[tuple[float, float, float, float]]:
@@ -120,7 +136,9 @@ def _doors(builder: Builder, length: float, rng: np.random.Generator) -> None:
 def door_face(builder: Builder, number: int) -> None:
     """Add a door with its frame on a wall."""
     w, h = 0.46, 2.06
-    builder.quad(materials.office_door(number), [[-w, -0.015, 0.0], [w, -0.015, 0.0], [w, -0.015, h], [-w, -0.015, h]])
+    builder.quad(
+        materials.office_door(number), [[-w, -0.015, 0.0], [w, -0.015, 0.0], [w, -0.015, h], [-w, -0.015, h]]
+    )
     frame: Colour = (0.34, 0.36, 0.38)
     for x in (-w - 0.04, w + 0.04):
         builder.box(materials.metal(), (x, -0.025, 0.5 * h), (0.08, 0.09, h), frame)
@@ -131,13 +149,22 @@ def _notice_board(builder: Builder, rng: np.random.Generator) -> None:
     builder.box(materials.bark(), (0.0, -0.015, 1.45), (1.1, 0.03, 0.8), (1.0, 0.72, 0.5))
     for k in range(4):
         x, z = -0.38 + 0.25 * k, 1.45 + float(rng.uniform(-0.14, 0.14))
-        paper = [[x - 0.1, -0.034, z - 0.14], [x + 0.1, -0.034, z - 0.14], [x + 0.1, -0.034, z + 0.14], [x - 0.1, -0.034, z + 0.14]]
+        paper = [
+            [x - 0.1, -0.034, z - 0.14],
+            [x + 0.1, -0.034, z - 0.14],
+            [x + 0.1, -0.034, z + 0.14],
+            [x - 0.1, -0.034, z + 0.14],
+        ]
         builder.quad(materials.picture(signs.poster, int(rng.integers(8))), paper)
 
 
 def _extinguisher(builder: Builder) -> None:
-    builder.tube(materials.metal(), (0.0, -0.1, 0.55), (0.0, -0.1, 1.0), (0.075, 0.075), (0.75, 0.06, 0.05), 12)
-    builder.tube(materials.metal(), (0.0, -0.1, 1.0), (0.0, -0.1, 1.08), (0.075, 0.02), (0.12, 0.12, 0.12), 12)
+    builder.tube(
+        materials.metal(), (0.0, -0.1, 0.55), (0.0, -0.1, 1.0), (0.075, 0.075), (0.75, 0.06, 0.05), 12
+    )
+    builder.tube(
+        materials.metal(), (0.0, -0.1, 1.0), (0.0, -0.1, 1.08), (0.075, 0.02), (0.12, 0.12, 0.12), 12
+    )
     sheet = [[-0.1, -0.01, 1.3], [0.1, -0.01, 1.3], [0.1, -0.01, 1.5], [-0.1, -0.01, 1.5]]
     builder.quad(materials.picture(signs.board, "F"), sheet, colour=(1.0, 0.3, 0.3))
 
@@ -157,10 +184,17 @@ def _clutter(builder: Builder, length: float, rng: np.random.Generator) -> None:
             for k in range(int(rng.integers(1, 4))):
                 size = deep * (1.0 - 0.16 * k)
                 tall = float(rng.uniform(0.22, 0.36))
-                builder.box(materials.cardboard(int(rng.integers(1, 4))), (0.0, 0.0, top + 0.5 * tall), (size * 1.25, size, tall), sky_below=0.6)
+                builder.box(
+                    materials.cardboard(int(rng.integers(1, 4))),
+                    (0.0, 0.0, top + 0.5 * tall),
+                    (size * 1.25, size, tall),
+                    sky_below=0.6,
+                )
                 top += tall
         elif kind < 0.8:
-            builder.tube(materials.metal(), (0, 0, 0), (0, 0, 0.42), (0.13, 0.16), (0.2, 0.3, 0.42), 14, sky_foot=0.5)
+            builder.tube(
+                materials.metal(), (0, 0, 0), (0, 0, 0.42), (0.13, 0.16), (0.2, 0.3, 0.42), 14, sky_foot=0.5
+            )
         else:
             _chair(builder)
         builder.T = SE3.identity()
@@ -170,7 +204,9 @@ def _clutter(builder: Builder, length: float, rng: np.random.Generator) -> None:
 def _chair(builder: Builder) -> None:
     for x in (-0.19, 0.19):
         for y in (-0.17, 0.17):
-            builder.tube(materials.metal(), (x, y, 0.0), (0.9 * x, 0.9 * y, 0.45), (0.014, 0.014), (0.3, 0.3, 0.32), 6)
+            builder.tube(
+                materials.metal(), (x, y, 0.0), (0.9 * x, 0.9 * y, 0.45), (0.014, 0.014), (0.3, 0.3, 0.32), 6
+            )
     builder.box(materials.cloth(), (0.0, 0.0, 0.46), (0.44, 0.40, 0.05), (0.15, 0.28, 0.45))
     builder.box(materials.cloth(), (-0.20, 0.0, 0.74), (0.04, 0.38, 0.34), (0.15, 0.28, 0.45))
 

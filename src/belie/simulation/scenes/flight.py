@@ -93,7 +93,9 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
         T_body_cam=mount(0.12, 0.0, -0.05, pitch_down_deg=32.0),
         lane=Lane(centre_m=centre_line(path, 3.0), half_width_m=8.0, speed_m_s=_SPEED_M_S),
         lamps=np.array(lamps),
-        glows=tuple(Glow(position_m=(x, y, 6.0), colour=(1.0, 0.8, 0.5), radius_m=1.5) for x, y, _, _ in lamps),
+        glows=tuple(
+            Glow(position_m=(x, y, 6.0), colour=(1.0, 0.8, 0.5), radius_m=1.5) for x, y, _, _ in lamps
+        ),
         ground_height_m=ground_height_m,
         has_flat_ground=False,
         shadow_reach_m=150.0,
@@ -132,7 +134,9 @@ def _fields(builder: Builder, length: float, rng: np.random.Generator) -> None:
         for y in np.arange(-1100.0, 1100.0, 180.0):
             # The near patchwork lies a little above these.
             if not (xs[0] <= x and x + 180.0 <= far_x and ys[0] <= y and y + 180.0 <= far_y):
-                _field(builder, (float(x), float(x) + 180.0), (float(y), float(y) + 180.0), 60.0, rng, down_m=1.2)
+                _field(
+                    builder, (float(x), float(x) + 180.0), (float(y), float(y) + 180.0), 60.0, rng, down_m=1.2
+                )
 
 
 def _borders(start: float, stop: float, rng: np.random.Generator) -> list[float]:
@@ -143,7 +147,12 @@ def _borders(start: float, stop: float, rng: np.random.Generator) -> list[float]
 
 
 def _field(
-    builder: Builder, x: tuple[float, float], y: tuple[float, float], step: float, rng: np.random.Generator, down_m: float = 0.0
+    builder: Builder,
+    x: tuple[float, float],
+    y: tuple[float, float],
+    step: float,
+    rng: np.random.Generator,
+    down_m: float = 0.0,
 ) -> None:
     columns, rows = (max(2, math.ceil((b - a) / step) + 1) for a, b in (x, y))
     gx, gy = np.meshgrid(np.linspace(*x, columns), np.linspace(*y, rows))
@@ -155,18 +164,30 @@ def _field(
     builder.grid(materials.field(str(rng.choice(_CROPS))), points, uv, (shade, shade, shade))
 
 
-def _border(builder: Builder, x: tuple[float, float], y: tuple[float, float], rng: np.random.Generator) -> None:
+def _border(
+    builder: Builder, x: tuple[float, float], y: tuple[float, float], rng: np.random.Generator
+) -> None:
     """What divides a field from its neighbours: a hedge, a row of trees, a track, or nothing; and bales on some."""
     kind = rng.random()
     if kind < 0.30:
         for at in np.arange(x[0], x[1], 2.6):
-            place = _on_ground(np.array([[at + float(rng.normal(0.0, 0.4)), y[0] + float(rng.normal(0.0, 0.4)), 0.0]]))[0]
+            place = _on_ground(
+                np.array([[at + float(rng.normal(0.0, 0.4)), y[0] + float(rng.normal(0.0, 0.4)), 0.0]])
+            )[0]
             if abs(place[1] - _ROAD_LEFT_M) > 16.0:
                 bush(builder, place, float(rng.uniform(1.6, 2.6)), rng, sprays=7)
     elif kind < 0.62:
         ends = np.linspace([x[0], y[0], 0.0], [x[0] + float(rng.normal(0.0, 3.0)), y[1], 0.0], 8)
         track = [(-1.5, 0.0), (-0.5, 0.03), (0.5, 0.03), (1.5, 0.0)]
-        strip(builder, materials.field("soil"), Path(_on_ground(ends, 0.16)), (0.0, y[1] - y[0]), track, 12.0, step_m=6.0)
+        strip(
+            builder,
+            materials.field("soil"),
+            Path(_on_ground(ends, 0.16)),
+            (0.0, y[1] - y[0]),
+            track,
+            12.0,
+            step_m=6.0,
+        )
     if rng.random() < 0.30:
         for _ in range(int(rng.integers(4, 12))):
             place = _on_ground(np.array([[rng.uniform(*x), rng.uniform(*y), 0.0]]), 0.6)[0]
@@ -177,7 +198,9 @@ def _border(builder: Builder, x: tuple[float, float], y: tuple[float, float], rn
 def _bale(builder: Builder, place: FloatArray, turn_rad: float) -> None:
     along = 0.65 * np.array([math.cos(turn_rad), math.sin(turn_rad), 0.0])
     straw = materials.field("wheat")
-    builder.tube(straw, tuple(place - along), tuple(place + along), (0.75, 0.75), (1.0, 0.96, 0.85), 12, (0.4, 0.15))
+    builder.tube(
+        straw, tuple(place - along), tuple(place + along), (0.75, 0.75), (1.0, 0.96, 0.85), 12, (0.4, 0.15)
+    )
     for sign in (-1.0, 1.0):
         builder.disc(straw, tuple(place + sign * along), tuple(sign * along / 0.65), 0.75, (0.85, 0.8, 0.7))
 
@@ -191,12 +214,22 @@ def _road_path(length: float) -> Path:
 def _country_road(builder: Builder, length: float) -> None:
     path = _road_path(length)
     span = (0.0, path.length_m)
-    strip(builder, materials.lawn(), path, span, [(-5.2, -0.5), (-3.0, -0.04), (3.0, -0.04), (5.2, -0.5)], 4.0, step_m=6.0)
+    strip(
+        builder,
+        materials.lawn(),
+        path,
+        span,
+        [(-5.2, -0.5), (-3.0, -0.04), (3.0, -0.04), (5.2, -0.5)],
+        4.0,
+        step_m=6.0,
+    )
     strip(builder, materials.asphalt(), path, span, [(-2.9, 0.0), (0.0, 0.04), (2.9, 0.0)], 6.0, step_m=6.0)
     line(builder, path, span, 0.0, 0.14, dash_m=(4.0, 6.0))
 
 
-def _farms(builder: Builder, length: float, rng: np.random.Generator) -> list[tuple[float, float, float, float]]:
+def _farms(
+    builder: Builder, length: float, rng: np.random.Generator
+) -> list[tuple[float, float, float, float]]:
     """Groups of houses and barns along the road; gives the lamps in their yards."""
     lamps = []
     x = float(rng.uniform(20.0, 45.0))
@@ -204,11 +237,17 @@ def _farms(builder: Builder, length: float, rng: np.random.Generator) -> list[tu
         side = float(rng.choice([-1.0, 1.0]))
         for k in range(int(rng.integers(2, 6))):
             y = _ROAD_LEFT_M + side * (17.0 + 22.0 * (k // 2)) + float(rng.normal(0.0, 2.5))
-            place = _on_ground(np.array([[x + 21.0 * (k % 2) + float(rng.normal(0.0, 2.0)), y, 0.0]]), -0.25)[0]
+            place = _on_ground(np.array([[x + 21.0 * (k % 2) + float(rng.normal(0.0, 2.0)), y, 0.0]]), -0.25)[
+                0
+            ]
             turn = float(rng.choice([0.0, 0.5 * np.pi])) + float(rng.normal(0.0, 0.1))
             builder.T = SE3(so3_exp(np.array([0.0, 0.0, turn])), place)
             is_barn = rng.random() < 0.35
-            size = (16.0, 9.5, 4.2) if is_barn else (float(rng.uniform(9.0, 13.0)), float(rng.uniform(7.5, 9.0)), 3.4)
+            size = (
+                (16.0, 9.5, 4.2)
+                if is_barn
+                else (float(rng.uniform(9.0, 13.0)), float(rng.uniform(7.5, 9.0)), 3.4)
+            )
             farm_house(builder, size, rng, is_barn=is_barn)
             builder.T = SE3.identity()
         yard = _on_ground(np.array([[x + 10.0, _ROAD_LEFT_M + side * 9.0, 0.0]]), 6.0)[0]
@@ -235,7 +274,16 @@ def _actors(length: float, seed: int) -> tuple[Actor, ...]:
     cast = traffic.Cast()
     rng = np.random.default_rng([seed, 410])
     road = _road_path(length)
-    right = Path(np.array([(road.frame(float(w)) @ SE3.from_translation([0.0, -1.5, 0.05])).t for w in np.linspace(0.0, road.length_m, 60)]))
+    right = Path(
+        np.array(
+            [
+                (road.frame(float(w)) @ SE3.from_translation([0.0, -1.5, 0.05])).t
+                for w in np.linspace(0.0, road.length_m, 60)
+            ]
+        )
+    )
     starts = tuple(float(v) for v in np.arange(60.0, road.length_m, 85.0))
-    traffic.ahead(cast, right, starts, SpeedProfile(start_m_s=11.0), rng, kinds=("car", "van", "car", "truck"))
+    traffic.ahead(
+        cast, right, starts, SpeedProfile(start_m_s=11.0), rng, kinds=("car", "van", "car", "truck")
+    )
     return tuple(cast.actors)

@@ -25,7 +25,9 @@ _HALF_M, _SPEED_M_S, _BEHIND_M = 7.0, 1.3, 8.0
 _DOOR_AHEAD_M = 11.0  # of where the drive ends
 
 
-def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 15.0, is_patched: bool = True) -> World:
+def build(
+    *, seed: int, manoeuvre: str = "straight", duration_s: float = 15.0, is_patched: bool = True
+) -> World:
     """Build a yard with a stop sign on the right and, at its end, a door; both bear a patch.
 
     Parameters
@@ -59,12 +61,17 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 15.0, i
     _yard(builder, middle, length, rng)
     ramps: tuple[Ramp, ...] = ()
     if manoeuvre == "stop-and-go":
-        ramps = (Ramp(start_s=4.0, duration_s=1.5, change_m_s=-_SPEED_M_S), Ramp(start_s=7.5, duration_s=1.5, change_m_s=_SPEED_M_S))
+        ramps = (
+            Ramp(start_s=4.0, duration_s=1.5, change_m_s=-_SPEED_M_S),
+            Ramp(start_s=7.5, duration_s=1.5, change_m_s=_SPEED_M_S),
+        )
     drive = Drive(path=track, speed=SpeedProfile(start_m_s=_SPEED_M_S, ramps=ramps), start_m=_BEHIND_M)
     return World(
         static=builder.meshes(),
         actors=_actors(middle, length, seed, is_patched),
-        ego=Unrest(drive, seed=seed, heave_m=0.003, roll_rad=0.006, pitch_rad=0.006, slowest_hz=1.0, fastest_hz=5.0),
+        ego=Unrest(
+            drive, seed=seed, heave_m=0.003, roll_rad=0.006, pitch_rad=0.006, slowest_hz=1.0, fastest_hz=5.0
+        ),
         T_body_cam=mount(0.25, 0.0, 0.55, pitch_down_deg=-2.0),
         lane=Lane(centre_m=centre_line(track, 0.5), half_width_m=1.0, speed_m_s=_SPEED_M_S),
         lamps=np.array([[length - 3.0, 3.0, 4.5, 0.9], [0.45 * length, -6.5, 4.5, 0.9]]),
@@ -107,7 +114,13 @@ def _actors(path: Path, length: float, seed: int, is_patched: bool) -> tuple[Act
     rng = np.random.default_rng([seed, 510])
     cast.sign("stop", beside(path, length - 13.0, -3.1, 0.0, math.pi), patched=is_patched)
     cast.vehicle("car", Parked(T=beside(path, length - 4.2, 4.6, 0.0, 0.5 * math.pi)), rng, lights=False)
-    cast.person(Drive(path=Path(np.linspace([length - 3.0, 1.9, 0.0], [-60.0, 2.6, 0.0], 12)), speed=SpeedProfile(start_m_s=0.8)), rng)
+    cast.person(
+        Drive(
+            path=Path(np.linspace([length - 3.0, 1.9, 0.0], [-60.0, 2.6, 0.0], 12)),
+            speed=SpeedProfile(start_m_s=0.8),
+        ),
+        rng,
+    )
     builder = Builder()
     builder.T = SE3(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
     door_face(builder, 102)

@@ -34,14 +34,53 @@ def pavements(builder: Builder, path: Path, span_m: tuple[float, float], road_ha
     """Kerbs and pavements on both sides."""
     k, w = road_half_m, PAVEMENT_M
     kerb, slabs = materials.kerb(), materials.pavement()
-    strip(builder, kerb, path, span_m, [(k, 0.0), (k, KERB_UP_M), (k + 0.16, KERB_UP_M)], 2.0, sky=(0.6, 1.0, 1.0))
-    strip(builder, kerb, path, span_m, [(-k - 0.16, KERB_UP_M), (-k, KERB_UP_M), (-k, 0.0)], 2.0, sky=(1.0, 1.0, 0.6))
+    strip(
+        builder,
+        kerb,
+        path,
+        span_m,
+        [(k, 0.0), (k, KERB_UP_M), (k + 0.16, KERB_UP_M)],
+        2.0,
+        sky=(0.6, 1.0, 1.0),
+    )
+    strip(
+        builder,
+        kerb,
+        path,
+        span_m,
+        [(-k - 0.16, KERB_UP_M), (-k, KERB_UP_M), (-k, 0.0)],
+        2.0,
+        sky=(1.0, 1.0, 0.6),
+    )
     a, b, c = k + 0.16, k + w - 0.9, k + w
-    strip(builder, slabs, path, span_m, [(a, KERB_UP_M), (b, KERB_UP_M), (c, KERB_UP_M)], 4.0, sky=(1.0, 0.97, 0.62))
-    strip(builder, slabs, path, span_m, [(-c, KERB_UP_M), (-b, KERB_UP_M), (-a, KERB_UP_M)], 4.0, sky=(0.62, 0.97, 1.0))
+    strip(
+        builder,
+        slabs,
+        path,
+        span_m,
+        [(a, KERB_UP_M), (b, KERB_UP_M), (c, KERB_UP_M)],
+        4.0,
+        sky=(1.0, 0.97, 0.62),
+    )
+    strip(
+        builder,
+        slabs,
+        path,
+        span_m,
+        [(-c, KERB_UP_M), (-b, KERB_UP_M), (-a, KERB_UP_M)],
+        4.0,
+        sky=(0.62, 0.97, 1.0),
+    )
 
 
-def houses(builder: Builder, path: Path, span_m: tuple[float, float], side: float, left_m: float, rng: np.random.Generator) -> None:
+def houses(
+    builder: Builder,
+    path: Path,
+    span_m: tuple[float, float],
+    side: float,
+    left_m: float,
+    rng: np.random.Generator,
+) -> None:
     """A row of terraced houses on one side (1: left), now and then with a gap that trees fill."""
     way = span_m[0]
     while way < span_m[1]:
@@ -73,7 +112,9 @@ def closing_house(builder: Builder, path: Path, rng: np.random.Generator) -> Non
     builder.T = SE3.identity()
 
 
-def greenery(builder: Builder, path: Path, span_m: tuple[float, float], left_m: float, rng: np.random.Generator) -> None:
+def greenery(
+    builder: Builder, path: Path, span_m: tuple[float, float], left_m: float, rng: np.random.Generator
+) -> None:
     """Trees in the pavement on both sides."""
     for side in (-1.0, 1.0):
         way = span_m[0] + float(rng.uniform(0.0, 12.0))
@@ -81,14 +122,29 @@ def greenery(builder: Builder, path: Path, span_m: tuple[float, float], left_m: 
             T = beside(path, way, side * left_m, KERB_UP_M)
             if rng.random() < 0.72:
                 tree(builder, T.t, float(rng.uniform(4.8, 7.6)), rng)
-                corners = T.apply(np.array([[-0.6, -0.6, 0.01], [0.6, -0.6, 0.01], [0.6, 0.6, 0.01], [-0.6, 0.6, 0.01]]))
-                builder.quad(materials.lawn(), corners, np.array([[0, 0.3], [0.3, 0.3], [0.3, 0], [0, 0]]), (0.75, 0.62, 0.5), 0.8)
+                corners = T.apply(
+                    np.array([[-0.6, -0.6, 0.01], [0.6, -0.6, 0.01], [0.6, 0.6, 0.01], [-0.6, 0.6, 0.01]])
+                )
+                builder.quad(
+                    materials.lawn(),
+                    corners,
+                    np.array([[0, 0.3], [0.3, 0.3], [0.3, 0], [0, 0]]),
+                    (0.75, 0.62, 0.5),
+                    0.8,
+                )
             elif rng.random() < 0.5:
                 bush(builder, T.t, 1.1, rng)
             way += float(rng.uniform(11.0, 19.0))
 
 
-def lamps(builder: Builder, lights: Lights, path: Path, span_m: tuple[float, float], left_m: float, spacing_m: float = 27.0) -> None:
+def lamps(
+    builder: Builder,
+    lights: Lights,
+    path: Path,
+    span_m: tuple[float, float],
+    left_m: float,
+    spacing_m: float = 27.0,
+) -> None:
     """Street lamps, alternately left and right."""
     for k, way in enumerate(np.arange(span_m[0] + 9.0, span_m[1], spacing_m)):
         side = 1.0 if k % 2 else -1.0
@@ -98,7 +154,9 @@ def lamps(builder: Builder, lights: Lights, path: Path, span_m: tuple[float, flo
         lights.lamps.append(lamp)
 
 
-def clutter(builder: Builder, path: Path, span_m: tuple[float, float], road_half_m: float, rng: np.random.Generator) -> None:
+def clutter(
+    builder: Builder, path: Path, span_m: tuple[float, float], road_half_m: float, rng: np.random.Generator
+) -> None:
     """Bollards, bins and benches on the pavement."""
     for side in (-1.0, 1.0):
         way = span_m[0] + float(rng.uniform(0.0, 8.0))

@@ -10,7 +10,14 @@ from belie.simulation import materials
 from belie.simulation.meshes.builder import Builder
 from belie.simulation.motion import Drive, Path, Ramp, SpeedProfile, Unrest
 from belie.simulation.scenes import highway, roadside, traffic
-from belie.simulation.scenes.common import beside, centre_line, mount, offset_path, require_manoeuvre, smooth_step
+from belie.simulation.scenes.common import (
+    beside,
+    centre_line,
+    mount,
+    offset_path,
+    require_manoeuvre,
+    smooth_step,
+)
 from belie.simulation.scenes.road import crossing, line, strip, wear
 from belie.simulation.world import Lane, World
 
@@ -63,9 +70,15 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
 
 def _speed(manoeuvre: str) -> SpeedProfile:
     if manoeuvre == "stop-and-go":
-        stops = (Ramp(start_s=2.0, duration_s=5.0, change_m_s=-9.0), Ramp(start_s=9.5, duration_s=5.0, change_m_s=8.0))
+        stops = (
+            Ramp(start_s=2.0, duration_s=5.0, change_m_s=-9.0),
+            Ramp(start_s=9.5, duration_s=5.0, change_m_s=8.0),
+        )
         return SpeedProfile(start_m_s=9.0, ramps=stops)
-    gentle = (Ramp(start_s=3.0, duration_s=3.0, change_m_s=1.2), Ramp(start_s=8.0, duration_s=4.0, change_m_s=-1.6))
+    gentle = (
+        Ramp(start_s=3.0, duration_s=3.0, change_m_s=1.2),
+        Ramp(start_s=8.0, duration_s=4.0, change_m_s=-1.6),
+    )
     return SpeedProfile(start_m_s=9.5 if manoeuvre != "curve" else 8.5, ramps=gentle)
 
 
@@ -105,8 +118,15 @@ def _road(builder: Builder, path: Path, lanes: int, road_half: float, seed: int)
             line(builder, path, span, side * k * _LANE_M, 0.12, dash_m=(3.0, 6.0))
     wear(builder, path, span, road_half, rng)
     crossing(builder, path, _BEHIND_M + 71.0, road_half)
-    corners = [[-400.0, -900.0, -0.15], [2400.0, -900.0, -0.15], [2400.0, 900.0, -0.15], [-400.0, 900.0, -0.15]]
-    builder.quad(materials.lawn(), corners, np.array([[0, 450], [700, 450], [700, 0], [0, 0]]), (0.8, 0.8, 0.75))
+    corners = [
+        [-400.0, -900.0, -0.15],
+        [2400.0, -900.0, -0.15],
+        [2400.0, 900.0, -0.15],
+        [-400.0, 900.0, -0.15],
+    ]
+    builder.quad(
+        materials.lawn(), corners, np.array([[0, 450], [700, 450], [700, 0], [0, 0]]), (0.8, 0.8, 0.75)
+    )
 
 
 def _sides(builder: Builder, lights: roadside.Lights, path: Path, road_half: float, seed: int) -> None:
@@ -139,7 +159,9 @@ def _cast(
     return cast
 
 
-def _signs(cast: traffic.Cast, path: Path, road_half: float, manoeuvre: str, rng: np.random.Generator) -> None:
+def _signs(
+    cast: traffic.Cast, path: Path, road_half: float, manoeuvre: str, rng: np.random.Generator
+) -> None:
     """Signs on the right that face the robot; at ``stop-and-go`` a traffic light where it stops."""
     way = _BEHIND_M + 16.0
     k = 0
@@ -154,4 +176,3 @@ def _signs(cast: traffic.Cast, path: Path, road_half: float, manoeuvre: str, rng
         cycle = (("green", (-1.0, 1e9)),)  # type: ignore[assignment]
     for left in (-road_half - 0.7, road_half + 0.7):
         cast.traffic_light(beside(path, light_way, left, roadside.KERB_UP_M, math.pi), cycle)
-

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from belie.geometry import SE3
-from belie.simulation.meshes.furniture import LIGHT_DIMENSIONS_M, SIGN_DIMENSIONS_M, sign_parts, traffic_light_parts
+from belie.simulation.meshes.furniture import (
+    LIGHT_DIMENSIONS_M,
+    SIGN_DIMENSIONS_M,
+    sign_parts,
+    traffic_light_parts,
+)
 from belie.simulation.meshes.people import HEIGHT_M, person_parts
 from belie.simulation.meshes.vehicles import BODIES, PAINTS, brake_lamps, vehicle_glows, vehicle_parts
 from belie.simulation.motion import Drive, Motion, Parked, Path, SpeedProfile
@@ -66,14 +71,26 @@ class Cast:
     def traffic_light(self, T: SE3, cycle: tuple[tuple[str, tuple[float, float]], ...]) -> None:
         """Add a traffic light that faces x of its frame."""
         parts = traffic_light_parts(cycle)
-        self._add(label="traffic light", dimensions_m=LIGHT_DIMENSIONS_M, motion=Parked(T=T), parts=parts, casts_blob=False)
+        self._add(
+            label="traffic light",
+            dimensions_m=LIGHT_DIMENSIONS_M,
+            motion=Parked(T=T),
+            parts=parts,
+            casts_blob=False,
+        )
 
     def _add(self, **values: object) -> None:
         self.actors.append(Actor(id=len(self.actors) + 1, **values))  # type: ignore[arg-type]
 
 
 def parked_row(
-    cast: Cast, path: Path, span_m: tuple[float, float], left_m: float, rng: np.random.Generator, *, share: float = 0.62
+    cast: Cast,
+    path: Path,
+    span_m: tuple[float, float],
+    left_m: float,
+    rng: np.random.Generator,
+    *,
+    share: float = 0.62,
 ) -> None:
     """Vehicles parked along a kerb; on the left they face the other way."""
     way = span_m[0]
@@ -91,7 +108,9 @@ def oncoming(
     cast: Cast, path: Path, left_m: float, speed_m_s: float, spacing_m: float, rng: np.random.Generator
 ) -> None:
     """Traffic towards the robot on the left side."""
-    back = Path(np.array([T.t for T in (beside(path, float(w), left_m) for w in np.linspace(path.length_m, 0.0, 80))]))
+    back = Path(
+        np.array([T.t for T in (beside(path, float(w), left_m) for w in np.linspace(path.length_m, 0.0, 80))])
+    )
     way = float(rng.uniform(0.55, 0.8)) * spacing_m
     while way < path.length_m:
         kind = str(rng.choice(_MOVING_KINDS, p=_MOVING_SHARES))
@@ -110,12 +129,18 @@ def ahead(
     kinds: tuple[str, ...] = _MOVING_KINDS,
 ) -> None:
     """Traffic that drives before the robot with the same profile of speed; it shows when it brakes."""
-    braking = tuple((ramp.start_s, ramp.start_s + ramp.duration_s) for ramp in speed.ramps if ramp.change_m_s < -1.0)
+    braking = tuple(
+        (ramp.start_s, ramp.start_s + ramp.duration_s) for ramp in speed.ramps if ramp.change_m_s < -1.0
+    )
     for k, start in enumerate(starts_m):
-        cast.vehicle(kinds[k % len(kinds)], Drive(path=lane, speed=speed, start_m=start), rng, brakes_s=braking)
+        cast.vehicle(
+            kinds[k % len(kinds)], Drive(path=lane, speed=speed, start_m=start), rng, brakes_s=braking
+        )
 
 
-def walkers(cast: Cast, path: Path, span_m: tuple[float, float], left_m: float, rng: np.random.Generator) -> None:
+def walkers(
+    cast: Cast, path: Path, span_m: tuple[float, float], left_m: float, rng: np.random.Generator
+) -> None:
     """People on both pavements, in both directions."""
     for side in (-1.0, 1.0):
         tracks = [_pavement_track(path, side * (left_m + shift)) for shift in (-0.7, 0.0, 0.7)]

@@ -16,12 +16,18 @@ _SIZE = 1024
 def asphalt(seed: int) -> Rgba:
     """Asphalt with its stones and worn tracks; 6 m a tile."""
     rng = np.random.default_rng([seed, 3])
-    value = 0.31 + 0.10 * (fbm(_SIZE, seed, slope=1.5) - 0.5) + 0.16 * (fbm(_SIZE, seed + 1, slope=0.25, lowest=60) - 0.5)
+    value = (
+        0.31
+        + 0.10 * (fbm(_SIZE, seed, slope=1.5) - 0.5)
+        + 0.16 * (fbm(_SIZE, seed + 1, slope=0.25, lowest=60) - 0.5)
+    )
     value = value + 0.05 * (fbm(_SIZE, seed + 2, slope=1.4, stretch=0.2) - 0.5)
     image = np.ascontiguousarray(value, np.float32)
     for _ in range(2600):  # single light and dark stones
         x, y = rng.integers(0, _SIZE, 2)
-        cv2.circle(image, (int(x), int(y)), int(rng.integers(1, 3)), float(rng.uniform(0.16, 0.52)), -1, cv2.LINE_AA)
+        cv2.circle(
+            image, (int(x), int(y)), int(rng.integers(1, 3)), float(rng.uniform(0.16, 0.52)), -1, cv2.LINE_AA
+        )
     return rgba(tinted(image, (0.99, 1.0, 1.02)))
 
 
@@ -43,7 +49,14 @@ def slabs(seed: int) -> Rgba:
     image = np.ascontiguousarray(value, np.float32)
     for _ in range(120):  # chewing gum and stains
         cx, cy = rng.integers(0, _SIZE, 2)
-        cv2.circle(image, (int(cx), int(cy)), int(rng.integers(2, 7)), float(rng.uniform(0.26, 0.46)), -1, cv2.LINE_AA)
+        cv2.circle(
+            image,
+            (int(cx), int(cy)),
+            int(rng.integers(2, 7)),
+            float(rng.uniform(0.26, 0.46)),
+            -1,
+            cv2.LINE_AA,
+        )
     return rgba(tinted(image, (1.0, 0.985, 0.95)))
 
 
@@ -94,7 +107,14 @@ def field(kind: str, seed: int) -> Rgba:
     for _ in range(900):  # weeds, stones, bare spots
         cx, cy = rng.integers(0, _SIZE, 2)
         shade = float(rng.uniform(0.45, 1.5))
-        cv2.circle(image, (int(cx), int(cy)), int(rng.integers(2, 8)), [float(c) * shade for c in crop], -1, cv2.LINE_AA)
+        cv2.circle(
+            image,
+            (int(cx), int(cy)),
+            int(rng.integers(2, 8)),
+            [float(c) * shade for c in crop],
+            -1,
+            cv2.LINE_AA,
+        )
     return rgba(image)
 
 
@@ -103,7 +123,9 @@ def paint(seed: int) -> Rgba:
     """Worn road paint as a decal: 1 m across, 4 m long."""
     noise, wear = fbm(512, seed, slope=0.6, lowest=8), fbm(512, seed + 1, slope=1.5)
     value = 0.80 + 0.16 * (noise - 0.5)
-    alpha = np.clip(1.25 - 2.4 * np.clip(wear - 0.56, 0.0, 1.0) - 0.9 * np.clip(noise - 0.62, 0.0, 1.0), 0.0, 0.95)
+    alpha = np.clip(
+        1.25 - 2.4 * np.clip(wear - 0.56, 0.0, 1.0) - 0.9 * np.clip(noise - 0.62, 0.0, 1.0), 0.0, 0.95
+    )
     return rgba(tinted(value, (1.0, 0.99, 0.95)), alpha)
 
 
@@ -122,7 +144,9 @@ def cracks(seed: int) -> Rgba:
                 heading += rng.normal(0.0, 0.38)
                 points.append(points[-1] + 6.5 * np.array([np.cos(heading), np.sin(heading)]))
                 if width > 2 and rng.random() < 0.025:
-                    branches.append((points[-1], heading + rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.2), width - 2))
+                    branches.append(
+                        (points[-1], heading + rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.2), width - 2)
+                    )
             line = (np.array(points) * 16).round().astype(np.int32)
             cv2.polylines(alpha, [line], False, float(rng.uniform(0.65, 0.95)), width, cv2.LINE_AA, 4)
     y, x = np.mgrid[0:512, 0:512]

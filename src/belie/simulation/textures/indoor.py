@@ -13,13 +13,19 @@ from belie.simulation.textures.noise import Rgba, fbm, rgba, text, tinted
 @lru_cache(maxsize=4)
 def painted_wall(seed: int) -> Rgba:
     """A wall as decorators leave it: almost blank, with faint roller marks and a few scuffs; 4 m a tile."""
-    value = 0.82 + 0.022 * (fbm(1024, seed, slope=0.5, lowest=40) - 0.5) + 0.05 * (fbm(1024, seed + 1, slope=1.8) - 0.5)
+    value = (
+        0.82
+        + 0.022 * (fbm(1024, seed, slope=0.5, lowest=40) - 0.5)
+        + 0.05 * (fbm(1024, seed + 1, slope=1.8) - 0.5)
+    )
     rng = np.random.default_rng([seed, 61])
     image = np.ascontiguousarray(value, np.float32)
     for _ in range(9):
         x, y = rng.uniform(0, 1024), rng.uniform(640, 1010)
         end = (int(x + rng.normal(0, 60)), int(y + rng.normal(0, 8)))
-        cv2.line(image, (int(x), int(y)), end, float(rng.uniform(0.58, 0.72)), int(rng.integers(1, 4)), cv2.LINE_AA)
+        cv2.line(
+            image, (int(x), int(y)), end, float(rng.uniform(0.58, 0.72)), int(rng.integers(1, 4)), cv2.LINE_AA
+        )
     return rgba(tinted(image, (1.0, 0.985, 0.95)))
 
 

@@ -67,7 +67,13 @@ def tinted(value: npt.NDArray[np.floating], colour: tuple[float, float, float]) 
     return np.asarray(value, np.float32)[..., None] * np.array(colour, np.float32)
 
 
-def text(image: npt.NDArray[np.float32], words: str, middle: tuple[float, float], height_px: float, colour: tuple[float, ...]) -> None:
+def text(
+    image: npt.NDArray[np.float32],
+    words: str,
+    middle: tuple[float, float],
+    height_px: float,
+    colour: tuple[float, ...],
+) -> None:
     """Write words into a picture, in place, centred."""
     font, thick = cv2.FONT_HERSHEY_DUPLEX, max(1, round(height_px / 9.0))
     scale = height_px / 22.0

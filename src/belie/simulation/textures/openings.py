@@ -41,7 +41,9 @@ def _window(rng: np.random.Generator, index: int) -> tuple[Rgb, npt.NDArray[np.f
     cell = np.stack([tone * 0.86, tone * 0.96, tone * 1.10], axis=2).astype(np.float32)
     kind = index % 4
     if kind in (1, 2):  # curtains at both sides, or a blind from above
-        fabric = np.array(rng.choice([[0.78, 0.76, 0.70], [0.70, 0.62, 0.52], [0.62, 0.66, 0.72]]), np.float32)
+        fabric = np.array(
+            rng.choice([[0.78, 0.76, 0.70], [0.70, 0.62, 0.52], [0.62, 0.66, 0.72]]), np.float32
+        )
         folds = 0.55 + 0.12 * np.sin(np.arange(c) * rng.uniform(0.25, 0.5)).astype(np.float32)[None, :, None]
         if kind == 1:
             reach = int(c * rng.uniform(0.18, 0.34))
@@ -55,7 +57,9 @@ def _window(rng: np.random.Generator, index: int) -> tuple[Rgb, npt.NDArray[np.f
         for _ in range(4):
             x, half, tall = rng.uniform(30, c - 30), rng.uniform(8, 20), rng.uniform(25, 70)
             colour = tuple(float(v) for v in rng.uniform(0.1, 0.5, 3))
-            cv2.ellipse(cell, (int(x), int(c - 24 - 0.5 * tall)), (int(half), int(0.5 * tall)), 0, 0, 360, colour, -1)
+            cv2.ellipse(
+                cell, (int(x), int(c - 24 - 0.5 * tall)), (int(half), int(0.5 * tall)), 0, 0, 360, colour, -1
+            )
     lit = np.zeros((c, c), np.float32)
     if index in (2, 5, 11, 13):
         lit[:] = 0.55 + 0.45 * noise
@@ -117,7 +121,9 @@ def shops(seed: int) -> Rgba:
     return rgba(atlas, glow)
 
 
-def _shop(rng: np.random.Generator, words: str, width: int, height: int) -> tuple[Rgb, npt.NDArray[np.float32]]:
+def _shop(
+    rng: np.random.Generator, words: str, width: int, height: int
+) -> tuple[Rgb, npt.NDArray[np.float32]]:
     trim = np.array(rng.choice([[0.20, 0.22, 0.24], [0.36, 0.27, 0.18], [0.62, 0.60, 0.55]]), np.float32)
     noise = fbm(512, int(rng.integers(1000)), slope=1.0)[:height, :width]
     cell = np.ascontiguousarray(trim * (0.8 + 0.4 * noise[..., None]), np.float32)
@@ -137,7 +143,9 @@ def _shop(rng: np.random.Generator, words: str, width: int, height: int) -> tupl
             x, y = rng.uniform(x0 + 12, x1 - 12), rng.uniform(y0 + 40, y1 - 6)
             size = rng.uniform(5, 17)
             colour = tuple(float(v) for v in rng.uniform(0.15, 0.85, 3))
-            shape = np.array([[x - size, y], [x + size, y], [x + 0.7 * size, y - 2 * size], [x - 0.7 * size, y - 2 * size]])
+            shape = np.array(
+                [[x - size, y], [x + size, y], [x + 0.7 * size, y - 2 * size], [x - 0.7 * size, y - 2 * size]]
+            )
             cv2.fillConvexPoly(cell, shape.round().astype(np.int32), colour, cv2.LINE_AA)
         lit[y0:y1, x0:x1] = 0.75
         cv2.rectangle(cell, (x0, y0), (x1, y1), [float(v) * 1.5 for v in trim], 5)

@@ -22,7 +22,11 @@ def leaves(seed: int) -> Rgba:
         middle = (int(128 + radius * np.cos(angle)), int(128 + radius * np.sin(angle)))
         axes = (int(rng.uniform(9, 15)), int(rng.uniform(4, 7)))
         bright = rng.uniform(0.20, 0.34) * (0.6 + 0.7 * layer / 190)
-        colour = (bright * rng.uniform(0.7, 1.05), bright * rng.uniform(1.0, 1.2), bright * rng.uniform(0.35, 0.6))
+        colour = (
+            bright * rng.uniform(0.7, 1.05),
+            bright * rng.uniform(1.0, 1.2),
+            bright * rng.uniform(0.35, 0.6),
+        )
         turn = rng.uniform(0, 360)
         cv2.ellipse(image, middle, axes, turn, 0, 360, colour, -1, cv2.LINE_AA)
         cv2.ellipse(alpha, middle, axes, turn, 0, 360, 1.0, -1, cv2.LINE_AA)

@@ -14,7 +14,11 @@ _RED, _WHITE, _BLACK, _BLUE = (0.70, 0.04, 0.06), (0.93, 0.93, 0.92), (0.05, 0.0
 
 def _octagon(radius: float, middle: float = 128.0) -> np.ndarray:
     angles = np.pi / 8 + np.arange(8) * np.pi / 4
-    return (middle + radius / np.cos(np.pi / 8) * np.column_stack([np.cos(angles), np.sin(angles)])).round().astype(np.int32)
+    return (
+        (middle + radius / np.cos(np.pi / 8) * np.column_stack([np.cos(angles), np.sin(angles)]))
+        .round()
+        .astype(np.int32)
+    )
 
 
 @lru_cache(maxsize=4)
@@ -75,7 +79,9 @@ def poster(seed: int) -> Rgba:
         if rng.random() < 0.5:
             cv2.fillConvexPoly(image, corners, colour, cv2.LINE_AA)
         else:
-            cv2.circle(image, tuple(int(v) for v in corners[0]), int(rng.integers(12, 60)), colour, -1, cv2.LINE_AA)
+            cv2.circle(
+                image, tuple(int(v) for v in corners[0]), int(rng.integers(12, 60)), colour, -1, cv2.LINE_AA
+            )
     words = ("MUSIK", "SALE", "FILM", "VOTE", "OPEN", "EXIT")[int(rng.integers(6))]
     text(image, words, (96, 40), 40, _WHITE)
     for y in range(190, 246, 10):

@@ -33,12 +33,31 @@ def side(kind: str, wheels: tuple[float, ...], radius: float) -> Rgba:
     dirt = np.clip(np.linspace(-1.2, 1.0, h, dtype=np.float32)[:, None] + 0.6 * (noise - 0.5), 0.0, 1.0)
     image *= 1.0 - 0.30 * dirt[..., None]
     image[int(0.86 * h) :] *= 0.25  # sill
-    seams = {"car": (0.30, 0.50, 0.685), "van": (0.06, 0.36, 0.62, 0.80), "truck": (0.78,), "bus": (0.12, 0.45, 0.80)}[kind]
+    seams = {
+        "car": (0.30, 0.50, 0.685),
+        "van": (0.06, 0.36, 0.62, 0.80),
+        "truck": (0.78,),
+        "bus": (0.12, 0.45, 0.80),
+    }[kind]
     for x in seams:
-        cv2.line(image, (int(x * w), int(0.08 * h)), (int(x * w), int(0.84 * h)), (_SEAM,) * 3, 3, cv2.LINE_AA)
+        cv2.line(
+            image, (int(x * w), int(0.08 * h)), (int(x * w), int(0.84 * h)), (_SEAM,) * 3, 3, cv2.LINE_AA
+        )
         if kind in ("car", "van") and x > 0.2:
-            cv2.ellipse(image, (int(x * w) - 150 + 105, int(0.30 * h)), (20, 6), 0, 0, 360, (0.22,) * 3, -1, cv2.LINE_AA)
-    cv2.line(image, (0, int(0.55 * h)), (w, int(0.50 * h)), (0.66,) * 3, 3, cv2.LINE_AA)  # a crease in the metal
+            cv2.ellipse(
+                image,
+                (int(x * w) - 150 + 105, int(0.30 * h)),
+                (20, 6),
+                0,
+                0,
+                360,
+                (0.22,) * 3,
+                -1,
+                cv2.LINE_AA,
+            )
+    cv2.line(
+        image, (0, int(0.55 * h)), (w, int(0.50 * h)), (0.66,) * 3, 3, cv2.LINE_AA
+    )  # a crease in the metal
     cv2.line(image, (0, int(0.55 * h) + 4), (w, int(0.50 * h) + 4), (1.0,) * 3, 2, cv2.LINE_AA)
     if kind == "truck":
         for x in range(30, int(0.76 * w), 46):
@@ -122,7 +141,11 @@ def _lamp(colour: tuple[float, float, float], glow: float) -> Rgba:
 @lru_cache(maxsize=4)
 def cloth(seed: int) -> Rgba:
     """Woven cloth with folds; near white, to be tinted."""
-    value = 0.74 + 0.34 * (fbm(128, seed, slope=1.5, stretch=0.6) - 0.5) + 0.14 * (fbm(128, seed + 1, slope=0.3, lowest=12) - 0.5)
+    value = (
+        0.74
+        + 0.34 * (fbm(128, seed, slope=1.5, stretch=0.6) - 0.5)
+        + 0.14 * (fbm(128, seed + 1, slope=0.3, lowest=12) - 0.5)
+    )
     return rgba(np.repeat(value[..., None], 3, axis=2))
 
 

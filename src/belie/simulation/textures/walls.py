@@ -43,7 +43,11 @@ def ashlar(seed: int) -> Rgba:
 @lru_cache(maxsize=16)
 def concrete(seed: int) -> Rgba:
     """Panels of concrete with joints, anchor holes and stains."""
-    value = 0.72 + 0.14 * (fbm(_SIZE, seed, slope=1.5) - 0.5) + 0.12 * (fbm(_SIZE, seed + 1, slope=0.4, lowest=30) - 0.5)
+    value = (
+        0.72
+        + 0.14 * (fbm(_SIZE, seed, slope=1.5) - 0.5)
+        + 0.12 * (fbm(_SIZE, seed + 1, slope=0.4, lowest=30) - 0.5)
+    )
     value = value + 0.12 * (fbm(_SIZE, seed + 2, slope=1.2, stretch=0.1) - 0.5)
     step = _SIZE // 2
     for edge in range(0, _SIZE, step):
@@ -56,7 +60,9 @@ def concrete(seed: int) -> Rgba:
     return rgba(tinted(_cracked(holes, seed, 5), (0.98, 0.98, 1.0)))
 
 
-def _masonry(seed: int, rows: int, columns: int, *, mortar: float, colour_spread: float, joint_px: int) -> Rgba:
+def _masonry(
+    seed: int, rows: int, columns: int, *, mortar: float, colour_spread: float, joint_px: int
+) -> Rgba:
     rng = np.random.default_rng([seed, 31])
     y, x = np.mgrid[0:_SIZE, 0:_SIZE].astype(np.float32)
     row = (y * rows / _SIZE).astype(np.int32)
