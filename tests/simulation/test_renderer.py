@@ -1,6 +1,7 @@
 """Pictures agree with the truth that comes along: the same pixels by seed, depth with poses, tracks with geometry."""
 
 import builtins
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -81,7 +82,7 @@ def reprojection_errors(views, poses, model):
     """Corners of the first view tracked to the last, triangulated, and reprojected into the middle one (px)."""
     corners = cv2.goodFeaturesToTrack(views[0].gray, 600, 0.01, 7)
     tracks, good = [corners], np.ones(len(corners), bool)
-    for a, b in zip(views[:-1], views[1:], strict=True):
+    for a, b in pairwise(views):
         forth, ok, _ = cv2.calcOpticalFlowPyrLK(a.gray, b.gray, tracks[-1], None, winSize=(15, 15))
         back, _, _ = cv2.calcOpticalFlowPyrLK(b.gray, a.gray, forth, None, winSize=(15, 15))
         good &= (ok.ravel() == 1) & (np.linalg.norm((back - tracks[-1]).reshape(-1, 2), axis=1) < 0.3)

@@ -30,5 +30,10 @@ def part_pose(part: Part, travelled_m: float, t_s: float) -> FloatArray | None:
     c, s = math.cos(angle), math.sin(angle)
     x, _, z = part.pivot_m
     return np.array(
-        [[c, 0.0, s, x - c * x - s * z], [0.0, 1.0, 0.0, 0.0], [-s, 0.0, c, z + s * x - c * z], [0.0, 0.0, 0.0, 1.0]]
+        [
+            [c, 0.0, s, x - c * x - s * z],
+            [0.0, 1.0, 0.0, 0.0],
+            [-s, 0.0, c, z + s * x - c * z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
     )

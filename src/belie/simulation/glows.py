@@ -23,7 +23,12 @@ def glow_sprites(world: World, placed: list[Placed], weather: Weather, eye: Floa
         return np.zeros((0, 7))
     wide = 1.0 + 1.2 * min(1.0, 60.0 * weather.extinction_per_m) + 0.25 * (weather.rain_mm_h > 0.0)
     lit = [(glow, _IDENTITY) for glow in world.glows] if weather.is_dark else []
-    lit += [(glow, actor.motion.T_world_body(0.0).matrix()) for actor in world.actors if stands(actor) for glow in actor.glows]
+    lit += [
+        (glow, actor.motion.T_world_body(0.0).matrix())
+        for actor in world.actors
+        if stands(actor)
+        for glow in actor.glows
+    ]
     lit += [(glow, body.T_world_obj) for body in placed for glow in body.actor.glows]
     rows = [_sprite(glow, model, weather, eye, strength, wide) for glow, model in lit]
     return np.array([row for row in rows if row is not None]).reshape(-1, 7)

@@ -33,10 +33,12 @@ def open_context() -> moderngl.Context:
     except ImportError:
         raise MissingExtraError("moderngl", "sim") from None
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=330)
+        # moderngl's stub takes the settings for a dict; the documentation gives them by name.
+        return moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
     except Exception as error:  # glcontext raises bare Exception for a library that is not there
+        why = " ".join(str(error).split())
         raise BelieError(
-            f"no OpenGL without a screen ({' '.join(str(error).split())}); on Debian or Ubuntu: apt install libegl1 libgl1"
+            f"no OpenGL without a screen ({why}); on Debian or Ubuntu: apt install libegl1 libgl1"
         ) from None
 
 
@@ -73,12 +75,15 @@ class GpuMesh:
         if key not in self.arrays:
             names = ("in_point", "in_normal", "in_uv", "in_colour", "in_id")
             formats = [("3f", "12x"), ("3f", "12x"), ("2f", "8x"), ("4f1", "4x"), ("1f", "4x")]
-            layout = " ".join(used if n in program else skip for n, (used, skip) in zip(names, formats, strict=True))
+            layout = " ".join(
+                used if n in program else skip for n, (used, skip) in zip(names, formats, strict=True)
+            )
             present = [name for name in names if name in program]
             self.arrays[key] = context.vertex_array(
                 program, [(self.vertices, layout, *present)], index_buffer=self.indices, index_element_size=4
             )
-        return self.arrays[key]
+        array: moderngl.VertexArray = self.arrays[key]
+        return array
 
     def draw(
         self,
@@ -99,9 +104,13 @@ class GpuMesh:
 def upload(
     context: moderngl.Context, mesh: Mesh, ids: npt.NDArray[np.float32] | float = 0.0, *, chunked: bool
 ) -> GpuMesh:
-    """A mesh in buffers, with the actor of each point; `chunked` sorts its triangles into squares of 40 m, so that those out of view are left out."""
+    """A mesh in buffers, with the actor of each point.
+
+    `chunked` sorts its triangles into squares of 40 m, so that those out of view can be left out.
+    """
     packed = np.zeros(
-        len(mesh.points), np.dtype([("p", "f4", 3), ("n", "f4", 3), ("t", "f4", 2), ("c", "u1", 4), ("i", "f4")])
+        len(mesh.points),
+        np.dtype([("p", "f4", 3), ("n", "f4", 3), ("t", "f4", 2), ("c", "u1", 4), ("i", "f4")]),
     )
     packed["p"], packed["n"], packed["t"], packed["c"] = mesh.points, mesh.normals, mesh.uv, mesh.colours
     packed["i"] = ids
@@ -121,7 +130,11 @@ def _sorted_chunks(
     # A few triangles are drawn sooner than they are sorted out.
     size = _CHUNK_M if len(triangles) > 1500 else 4.0 * _CHUNK_M
     middles = points[triangles].mean(axis=1)
-    cells = np.floor(middles[:, :2] / size).astype(np.int64) if chunked else np.zeros((len(triangles), 2), np.int64)
+    cells = (
+        np.floor(middles[:, :2] / size).astype(np.int64)
+        if chunked
+        else np.zeros((len(triangles), 2), np.int64)
+    )
     key = cells[:, 0] * 100_003 + cells[:, 1]
     order = np.argsort(key, kind="stable")
     triangles, key = triangles[order], key[order]
@@ -158,6 +171,9 @@ def texture_of(context: moderngl.Context, material: Material) -> moderngl.Textur
     texture.build_mipmaps()
     # Between mip levels only the ground is blended, where their borders would show: it costs half as much again.
     blended = material.is_ground or material.is_decal
-    texture.filter = (context.LINEAR_MIPMAP_LINEAR if blended else context.LINEAR_MIPMAP_NEAREST, context.LINEAR)
+    texture.filter = (
+        context.LINEAR_MIPMAP_LINEAR if blended else context.LINEAR_MIPMAP_NEAREST,
+        context.LINEAR,
+    )
     texture.repeat_x = texture.repeat_y = not (material.is_cutout or material.is_decal)
     return texture

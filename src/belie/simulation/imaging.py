@@ -32,10 +32,15 @@ class ImagingSettings(Settings):
 
     rolling_shutter: bool = Field(False, description="whether rows are exposed one after another")
     readout_ms: float = Field(
-        18.0, description="from the first row to the last: common for CMOS sensors of 1 to 2 Mpx [ms]", ge=0.0, le=60.0
+        18.0,
+        description="from the first row to the last: common for CMOS sensors of 1 to 2 Mpx [ms]",
+        ge=0.0,
+        le=60.0,
     )
     motion_blur: bool = Field(True, description="whether what moves smears over the exposure time")
-    noise_scale: float = Field(1.0, description="times the noise that the weather's light brings", ge=0.0, le=10.0)
+    noise_scale: float = Field(
+        1.0, description="times the noise that the weather's light brings", ge=0.0, le=10.0
+    )
 
 
 class Imaging:
@@ -98,7 +103,9 @@ class Imaging:
                 depth_m = cv2.remap(depth_m, *self.lens_map, cv2.INTER_NEAREST)
             image = self._glare.add(image, depth_m, T_world_cam)
         if self._rains:
-            image = add_streaks(image, self._weather, self._camera, np.random.default_rng([self._seed, 31, abs(moment)]))
+            image = add_streaks(
+                image, self._weather, self._camera, np.random.default_rng([self._seed, 31, abs(moment)])
+            )
         return self._noise.add(image, np.random.default_rng([self._seed, 32, abs(moment)]))
 
     def _through_lens(self, bgr: Image, truth: FloatImage | None) -> Image:
@@ -118,13 +125,13 @@ class Imaging:
         # Seen at a later time a point lies farther along its motion: what a pixel sees then came from behind.
         place = base - start
         if taps == 1:
-            return cv2.remap(bgr, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(cv2.remap(bgr, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
         total = np.zeros((*place.shape[:2], 3), np.float32)
         for share in (np.arange(taps) + 0.5) / taps - 0.5:
             shifted = place - motion * np.float32(share * exposure_s)
             sample = cv2.remap(bgr, shifted, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             cv2.accumulate(sample, total)
-        return cv2.convertScaleAbs(total, alpha=1.0 / taps)
+        return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / taps))
 
     def _motion(self, truth: FloatImage | None) -> FloatImage | None:
         """Motion of each pixel of the image, px/s, shape (H, W, 2)."""

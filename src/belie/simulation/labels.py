@@ -169,4 +169,4 @@ def _covered_pixels(triangles_px: FloatArray, box: FloatArray) -> float:
     corners = ((triangles_px + 0.5 - [x0, y0]) * scale - 0.5) * sub
     for triangle in np.clip(corners, -3.0e5, 3.0e5).round().astype(np.int32):
         cv2.fillConvexPoly(mask, triangle, 1, cv2.LINE_8, 4)
-    return float(mask.sum()) / (scale * scale)
+    return float(mask.sum()) / float(scale * scale)

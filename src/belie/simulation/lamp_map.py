@@ -11,7 +11,9 @@ _CELL_M = 0.5
 _REACH_M = 24.0
 
 
-def lamp_map(lamps: FloatArray, cell_m: float = _CELL_M) -> tuple[npt.NDArray[np.float16], tuple[float, float, float, float]]:
+def lamp_map(
+    lamps: FloatArray, cell_m: float = _CELL_M
+) -> tuple[npt.NDArray[np.float16], tuple[float, float, float, float]]:
     """Irradiance below lamps (N, 4: x, y, z, strength), shape (rows, columns), and its area x0, y0, 1/width, 1/height.
 
     A point lamp at height h above a ground point at distance d: ``cos(angle) / distance²``, 1 right below the lamp.
@@ -36,4 +38,9 @@ def lamp_map(lamps: FloatArray, cell_m: float = _CELL_M) -> tuple[npt.NDArray[np
         d2 = dx[None, :] ** 2 + dy[:, None] ** 2
         fade = np.clip(1.0 - d2 / _REACH_M**2, 0.0, 1.0)
         light[r0:r1, c0:c1] += strength * fade * (z * z / (d2 + z * z)) ** 1.5
-    return light.astype(np.float16), (float(low[0]), float(low[1]), 1.0 / (columns * cell_m), 1.0 / (rows * cell_m))
+    return light.astype(np.float16), (
+        float(low[0]),
+        float(low[1]),
+        1.0 / (columns * cell_m),
+        1.0 / (rows * cell_m),
+    )

@@ -153,4 +153,3 @@ def cardboard(seed: int) -> Material:
 def light_panel() -> Material:
     """A ceiling light."""
     return surface(indoor.light_panel, glow=1.0)
-

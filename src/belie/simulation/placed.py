@@ -39,10 +39,15 @@ class Placed:
 
     def is_within(self, planes: FloatArray) -> bool:
         """Whether any of its sphere is on the inner side of all planes (N, 4)."""
-        return bool((planes[:, :3] @ self.centre + planes[:, 3] > -self.radius_m * np.linalg.norm(planes[:, :3], axis=1)).all())
+        return bool(
+            (
+                planes[:, :3] @ self.centre + planes[:, 3]
+                > -self.radius_m * np.linalg.norm(planes[:, :3], axis=1)
+            ).all()
+        )
 
 
-def placed_actors(world: World, t_s: float, eye: FloatArray, *, with_rates: bool = True) -> list[Placed]:
+def placed_actors(world: World, t_s: float, eye: FloatArray) -> list[Placed]:
     """Where everything that moves is at a time, as far as it may be seen."""
     placed = []
     for actor in world.actors:
@@ -55,7 +60,7 @@ def placed_actors(world: World, t_s: float, eye: FloatArray, *, with_rates: bool
         if float(np.linalg.norm(centre - eye)) > _SEEN_M:
             continue
         radius = 0.5 * float(np.linalg.norm(dims)) + 0.8
-        own = _parts(actor, parts, pose, t_s, with_rates and not stands(actor))
+        own = _parts(actor, parts, pose, t_s, not stands(actor))
         placed.append(Placed(actor=actor, T_world_obj=pose, parts=own, centre=centre, radius_m=radius))
     return placed
 

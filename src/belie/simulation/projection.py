@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from belie.geometry import SE3, CameraModel, FloatArray
+from belie.geometry import CameraModel, FloatArray
 from belie.simulation.weather import Weather
 
 FAR_M = 1600.0
@@ -56,16 +56,24 @@ def ideal_camera(camera: CameraModel) -> CameraModel:
     low, high = np.floor(flat.min(axis=0)) - 2.0, np.ceil(flat.max(axis=0)) + 2.0
     width, height = (int(v) for v in high - low + 1.0)
     return replace(
-        camera, width=width, height=height, cx=float(-low[0]), cy=float(-low[1]), model="pinhole", distortion=()
+        camera,
+        width=width,
+        height=height,
+        cx=float(-low[0]),
+        cy=float(-low[1]),
+        model="pinhole",
+        distortion=(),
     )
 
 
 def mirrored(T_cam_world: FloatArray) -> FloatArray:
     """View (4, 4) of the world mirrored in the plane z = 0."""
-    return T_cam_world @ np.diag([1.0, 1.0, -1.0, 1.0])
+    return np.asarray(T_cam_world @ np.diag([1.0, 1.0, -1.0, 1.0]))
 
 
-def frustum_planes(view_projection: FloatArray, reach_m: float, eye: FloatArray, forward: FloatArray) -> FloatArray:
+def frustum_planes(
+    view_projection: FloatArray, reach_m: float, eye: FloatArray, forward: FloatArray
+) -> FloatArray:
     """Planes (6, 4) with the view on their positive side; the last stands at `reach_m`."""
     rows = view_projection
     sides = [rows[3] + rows[0], rows[3] - rows[0], rows[3] + rows[1], rows[3] - rows[1], rows[3] + rows[2]]
@@ -101,3 +109,32 @@ def sun_projection(towards_sun: FloatArray, middle: FloatArray, reach_m: float, 
     M[:2, 3] = -at[:2] / reach_m
     M[2, 3] = -round(float(at[2])) / deep
     return M
+
+
+def picture_rays(camera: CameraModel, R: FloatArray) -> FloatArray:
+    """Maps OpenGL's picture coordinates (-1 to 1, -1 to 1, 1) to rays turned by R, shape (3, 3).
+
+    >>> camera = CameraModel(width=640, height=480, fx=320, fy=320, cx=319.5, cy=239.5)
+    >>> (picture_rays(camera, np.eye(3)) @ [1.0, 0.0, 1.0]).tolist()
+    [1.0, 0.0, 1.0]
+    """
+    c = camera
+    inverse = np.array(
+        [
+            [0.5 * c.width / c.fx, 0.0, (0.5 * c.width - 0.5 - c.cx) / c.fx],
+            [0.0, 0.5 * c.height / c.fy, (0.5 * c.height - 0.5 - c.cy) / c.fy],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    return np.asarray(R @ inverse)
+
+
+def reach_m(weather: Weather) -> float:
+    """How far one sees: in fog, until less than a level of contrast is left.
+
+    >>> from belie.simulation.weather import WEATHERS
+    >>> round(reach_m(WEATHERS["heavy-fog"])), reach_m(WEATHERS["sunny"]) == FAR_M
+    (90, True)
+    """
+    extinction = weather.extinction_per_m
+    return min(FAR_M, 6.0 / extinction) if extinction > 0.0 else FAR_M

@@ -33,4 +33,4 @@ def add_streaks(
         end = (round(float(x[k] + lean[k] * length_px[k]) * 16), round(float(y[k] + length_px[k]) * 16))
         cv2.line(veil, start, end, float(bright[k]), int(width_px[k]), cv2.LINE_AA, 4)
     veil = cv2.GaussianBlur(veil, (0, 0), max(0.6, camera.width / 1600.0))
-    return cv2.add(image, cv2.merge([veil, veil, veil]))
+    return np.asarray(cv2.add(image, cv2.merge([veil, veil, veil])))

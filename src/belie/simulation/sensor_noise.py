@@ -51,5 +51,7 @@ class SensorNoise:
             grain = grain[:, ::-1]
         sign = 1.0 if rng.random() < 0.5 else -1.0
         noisy = image.astype(np.float32)
-        cv2.accumulate(np.ascontiguousarray(grain).astype(np.float32) * np.float32(sign * self._sigma / 24.0), noisy)
-        return cv2.convertScaleAbs(np.maximum(noisy, 0.0, out=noisy))
+        cv2.accumulate(
+            np.ascontiguousarray(grain).astype(np.float32) * np.float32(sign * self._sigma / 24.0), noisy
+        )
+        return np.asarray(cv2.convertScaleAbs(np.maximum(noisy, 0.0, out=noisy)))

@@ -1,7 +1,7 @@
 """The renderer's programs. Light is computed in linear colour, tone-mapped, and stored as its square root (gamma 2).
 
-No dynamic branching on llvmpipe's account: what a weather lacks is left out by ``#define``, so that a foggy day does not
-pay for headlights. Opaque and cut-out surfaces have programs of their own: ``discard`` defeats early depth tests.
+What a weather lacks is left out by ``#define``, so that a foggy day does not pay for headlights. Opaque and cut-out
+surfaces have programs of their own: ``discard`` defeats early depth tests.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ void main() {
     vec3 normal = normalize(v_normal);
     if (two_sided > 0.5 && dot(normal, sun_direction) < 0.0) normal = normalize(normal + 0.9 * sun_direction);
     vec3 albedo = texel.rgb * texel.rgb * v_colour.rgb * v_colour.rgb;
-    // Broad stains, fixed to the world, break the repetition of textures. Each look-up costs llvmpipe some 50 ms at 720p.
+    // Broad stains, fixed to the world, break the repetition of textures.
     vec4 broad = texture(detail, (v_world.xy + v_world.z * vec2(0.8, 0.6)) * 0.023);
     albedo *= 1.0 + detail_share * (0.45 * (broad.g - 0.5) + 0.2 * (broad.r - 0.5));
     float open = v_colour.a;
@@ -227,7 +227,8 @@ void main() {
     vec3 white = sky_light * 1.35 + sun_light * 0.42 * (0.6 + 0.4 * thick);
     colour = mix(colour, white * (1.15 - 0.45 * thick * cloud_share), cover * 0.85);
     float near_sun = max(dot(ray, sun_direction), 0.0);
-    colour += sun_light * (0.10 * pow(near_sun, 12.0) + 0.35 * pow(near_sun, 120.0) + 30.0 * smoothstep(0.99985, 0.99995, near_sun));
+    float disc = 30.0 * smoothstep(0.99985, 0.99995, near_sun);
+    colour += sun_light * (0.10 * pow(near_sun, 12.0) + 0.35 * pow(near_sun, 120.0) + disc);
     colour = mix(colour, fog_light, 1.0 - exp(-extinction * 700.0 * (1.0 - 0.6 * up)));
     out_colour = vec4(tone(colour), 1.0);
 }
@@ -351,10 +352,10 @@ void main() {
 
 
 def with_defines(source: str, defines: dict[str, str]) -> str:
-    """A program's source with some names defined.
+    r"""A program's source with some names defined.
 
-    >>> with_defines("#version 330\\n/*DEFINES*/", {"SUN": "1"})
-    '#version 330\\n#define SUN 1'
+    >>> with_defines("#version 330\n/*DEFINES*/", {"SUN": "1"})
+    '#version 330\n#define SUN 1'
     """
     lines = "\n".join(f"#define {name} {value}".rstrip() for name, value in defines.items())
     return source.replace("/*DEFINES*/", lines)

@@ -34,7 +34,9 @@ def still_meshes(world: World) -> list[tuple[Mesh, npt.NDArray[np.float32]]]:
 def _joined(material: Material, pieces: list[_Piece]) -> tuple[Mesh, npt.NDArray[np.float32]]:
     starts = np.cumsum([0] + [len(mesh.points) for mesh, _, _ in pieces])
     mesh = Mesh(
-        points=np.concatenate([T.apply(m.points.astype(np.float64)) for m, T, _ in pieces]).astype(np.float32),
+        points=np.concatenate([T.apply(m.points.astype(np.float64)) for m, T, _ in pieces]).astype(
+            np.float32
+        ),
         normals=np.concatenate([m.normals @ T.R.T for m, T, _ in pieces]).astype(np.float32),
         uv=np.concatenate([m.uv for m, _, _ in pieces]),
         colours=np.concatenate([m.colours for m, _, _ in pieces]),

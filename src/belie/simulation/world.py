@@ -33,8 +33,8 @@ class Material:
     is_cutout : bool
         Whether alpha is opacity: leaves, railings.
     is_decal : bool
-        Whether it is thin and lies on the surface right below, with alpha as opacity: marks, cracks, stains. It belongs to
-        that surface: no depth of its own.
+        Whether it is thin and lies on the surface right below, with alpha as opacity: marks, cracks, stains. It belongs
+        to that surface: no depth of its own.
     is_ground : bool
         Whether rain makes puddles on it.
     is_double_sided : bool
@@ -267,6 +267,11 @@ class World:
     headlights_m: tuple[float, float, float] | None = (3.6, 0.0, 0.7)
     headlight_power: float = 1.5
     street_direction_rad: float = 0.0
+
+    @property
+    def near_m(self) -> float:
+        """What is nearer to the camera is not drawn."""
+        return 0.05 if self.is_indoors else 0.2
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lamps", frozen(self.lamps, (-1, 4), "lamps"))

@@ -34,7 +34,7 @@ def _box_template() -> tuple[
             normals.append(np.tile(normal, (4, 1)))
             sides.append(np.tile([u, v], (4, 1)))
     first = 4 * np.arange(6)[:, None]
-    triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
     return (
         np.concatenate(corners),
         np.concatenate(normals),

@@ -152,7 +152,7 @@ def _opening(
         n = (k + 1) % 4
         side = [outer[k], outer[n], inner[n], inner[k]]
         length = float(np.linalg.norm(outer[n] - outer[k]))
-        uv = [[0, 0], [length / TILE_M, 0], [length / TILE_M, d / TILE_M], [0, d / TILE_M]]
+        uv = np.array([[0.0, 0.0], [length, 0.0], [length, d], [0.0, d]]) / TILE_M
         builder.quad(reveal, side, uv, tint, [1.0, 1.0, _REVEAL_SKY, _REVEAL_SKY])
 
 
@@ -329,7 +329,7 @@ def _side_walls(builder: Builder, style: FacadeStyle, length_m: float, depth_m: 
     builder.quad(
         style.wall,
         corners,
-        [[0, 0], [length_m / TILE_M, 0], [length_m / TILE_M, -height / TILE_M], [0, -height / TILE_M]],
+        np.array([[0.0, 0.0], [length_m, 0.0], [length_m, -height], [0.0, -height]]) / TILE_M,
         style.tint,
     )
     builder.quad(
@@ -397,8 +397,9 @@ def farm_house(
     for side in (-1.0, 1.0):
         a, b = side * (half_l + over), -side * (half_l + over)
         y = side * (half_w + over)
-        corners = [[b, -y, lower], [a, -y, lower], [a, 0.0, ridge + 0.05], [b, 0.0, ridge + 0.05]]
-        builder.quad(materials.roof_tiles(), corners, [[0, slope], [span, slope], [span, 0], [0, 0]], roof)
+        face = np.array([[b, -y, lower], [a, -y, lower], [a, 0.0, ridge + 0.05], [b, 0.0, ridge + 0.05]])
+        uv = np.array([[0.0, slope], [span, slope], [span, 0.0], [0.0, 0.0]])
+        builder.quad(materials.roof_tiles(), face, uv, roof)
     builder.box(
         materials.wall("brick", 1),
         (0.25 * length, 0.12 * width, ridge),

@@ -21,15 +21,17 @@ def street_lamp(
     builder: Builder, foot: FloatArray, towards: FloatArray
 ) -> tuple[Glow, tuple[float, float, float, float]]:
     """Add a lamp whose arm reaches towards the road (unit vector, shape (3,)); gives its glow and its light."""
-    base, top = foot, foot + [0.0, 0.0, LAMP_HEIGHT_M]
-    builder.tube(
-        materials.metal(), tuple(base), tuple(base + [0, 0, 1.0]), (0.11, 0.10), _DARK, 8, sky_foot=0.5
-    )
-    builder.tube(materials.metal(), tuple(base + [0, 0, 1.0]), tuple(top), (0.075, 0.05), _DARK, 8)
+    base, knee, top = foot, foot + np.array([0.0, 0.0, 1.0]), foot + np.array([0.0, 0.0, LAMP_HEIGHT_M])
+    builder.tube(materials.metal(), tuple(base), tuple(knee), (0.11, 0.10), _DARK, 8, sky_foot=0.5)
+    builder.tube(materials.metal(), tuple(knee), tuple(top), (0.075, 0.05), _DARK, 8)
     head = top + 1.3 * towards + [0.0, 0.0, 0.15]
     builder.tube(materials.metal(), tuple(top), tuple(head), (0.05, 0.04), _DARK, 6)
-    builder.box(materials.metal(), tuple(head + [0, 0, 0.05]), (0.55, 0.55, 0.10), _DARK)
-    builder.box(materials.lamp((0.90, 0.86, 0.74), 1.0), tuple(head - [0, 0, 0.03]), (0.42, 0.42, 0.06))
+    builder.box(materials.metal(), (*head[:2].tolist(), float(head[2]) + 0.05), (0.55, 0.55, 0.10), _DARK)
+    builder.box(
+        materials.lamp((0.90, 0.86, 0.74), 1.0),
+        (*head[:2].tolist(), float(head[2]) - 0.03),
+        (0.42, 0.42, 0.06),
+    )
     x, y, z = (float(v) for v in head)
     return Glow(position_m=(x, y, z - 0.1), colour=(1.0, 0.80, 0.48), radius_m=1.5), (x, y, z, 1.0)
 
@@ -80,8 +82,7 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
         builder.disc(materials.metal(), (0.155, 0.0, z), (1.0, 0.0, 0.0), 0.11, dark)
         builder.box(materials.metal(), (0.21, 0.0, z + 0.125), (0.13, 0.26, 0.015), _DARK)
     parts = [Part(meshes=builder.meshes())]
-    for name in colours:
-        z, colour = colours[name]
+    for name, (z, colour) in colours.items():
         lit = Builder()
         lit.disc(materials.bright_lamp(colour), (0.16, 0.0, z), (1.0, 0.0, 0.0), 0.105)
         spans = tuple(span for other, span in cycle if other == name)

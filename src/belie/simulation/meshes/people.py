@@ -54,9 +54,8 @@ def person_parts(seed: int) -> tuple[Part, ...]:
     _ellipsoid(trunk, cloth, (0.015, 0.0, 1.655), (0.095, 0.078, 0.118), skin)
     _ellipsoid(trunk, cloth, (-0.012, 0.0, 1.685), (0.098, 0.086, 0.105), hair)
     if rng.random() < 0.5:  # a rucksack
-        trunk.box(
-            cloth, (-0.19, 0.0, 1.22), (0.16, 0.28, 0.42), tuple(float(v) for v in rng.uniform(0.1, 0.6, 3))
-        )  # type: ignore[arg-type]
+        r, g, b = (float(v) for v in rng.uniform(0.1, 0.6, 3))
+        trunk.box(cloth, (-0.19, 0.0, 1.22), (0.16, 0.28, 0.42), (r, g, b))
     parts = [Part(meshes=trunk.meshes())]
     for side in (-1.0, 1.0):
         leg, arm = Builder(), Builder()

@@ -20,10 +20,10 @@ def tree(
     """Add a broad-leaved tree that stands at a place, world."""
     trunk_m = height_m * float(rng.uniform(0.30, 0.38))
     crown = np.array([0.30, 0.30, 0.36]) * height_m * rng.uniform(0.9, 1.1, 3)
-    middle = place + [0.0, 0.0, trunk_m + 0.72 * crown[2]]
+    middle = place + np.array([0.0, 0.0, trunk_m + 0.72 * crown[2]])
     radius = 0.018 * height_m + 0.03
     lean = rng.normal(0.0, 0.02 * height_m, 2)
-    fork = place + [lean[0], lean[1], trunk_m]
+    fork = place + np.array([*lean, trunk_m])
     builder.tube(
         materials.bark(),
         tuple(place),
@@ -50,7 +50,7 @@ def bush(
 ) -> None:
     """Add a bush that stands at a place, world."""
     extent = size_m * np.array([0.6, 0.6, 0.45])
-    _sprays(builder, place + [0.0, 0.0, 0.42 * size_m], extent, sprays, 0.55 * size_m, rng)
+    _sprays(builder, place + np.array([0.0, 0.0, 0.42 * size_m]), extent, sprays, 0.55 * size_m, rng)
 
 
 def _sprays(

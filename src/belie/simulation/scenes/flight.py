@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -124,8 +125,8 @@ def _on_ground(points: FloatArray, up_m: float = 0.0) -> FloatArray:
 def _fields(builder: Builder, length: float, rng: np.random.Generator) -> None:
     """A patchwork of fields; far ones are larger and coarser, and together they reach the horizon."""
     xs, ys = _borders(-90.0, length + 500.0, rng), _borders(-330.0, 330.0, rng)
-    for x0, x1 in zip(xs[:-1], xs[1:], strict=True):
-        for y0, y1 in zip(ys[:-1], ys[1:], strict=True):
+    for x0, x1 in pairwise(xs):
+        for y0, y1 in pairwise(ys):
             _field(builder, (x0, x1), (y0, y1), 12.0, rng)
             if abs(y0) < 130.0:
                 _border(builder, (x0, x1), (y0, y1), rng)

@@ -89,7 +89,7 @@ def _guard_rail(builder: Builder, path: Path, span: tuple[float, float], left: f
         )
     for way in np.arange(span[0], span[1], 4.0):
         foot = beside(path, float(way), left).t
-        builder.box(materials.metal(), tuple(foot + [0, 0, 0.35]), (0.10, 0.06, 0.7), (0.45, 0.46, 0.48))
+        builder.box(materials.metal(), (*foot[:2].tolist(), 0.35), (0.10, 0.06, 0.7), (0.45, 0.46, 0.48))
 
 
 def _verges(builder: Builder, path: Path, rng: np.random.Generator) -> None:

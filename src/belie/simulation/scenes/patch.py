@@ -1,4 +1,4 @@
-"""The paper's real-world case: a printed adversarial patch on a door and on a stop sign, seen by a small robot in a yard."""
+"""The paper's real-world case: a printed adversarial patch on a door and on a stop sign, in a yard."""
 
 from __future__ import annotations
 

@@ -6,19 +6,17 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from belie.simulation.textures.noise import Rgba, fbm, rgba, text
 
 _RED, _WHITE, _BLACK, _BLUE = (0.70, 0.04, 0.06), (0.93, 0.93, 0.92), (0.05, 0.05, 0.06), (0.05, 0.20, 0.55)
 
 
-def _octagon(radius: float, middle: float = 128.0) -> np.ndarray:
+def _octagon(radius: float, middle: float = 128.0) -> npt.NDArray[np.int32]:
     angles = np.pi / 8 + np.arange(8) * np.pi / 4
-    return (
-        (middle + radius / np.cos(np.pi / 8) * np.column_stack([np.cos(angles), np.sin(angles)]))
-        .round()
-        .astype(np.int32)
-    )
+    unit = np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(np.round(middle + radius / np.cos(np.pi / 8) * unit), np.int32)
 
 
 @lru_cache(maxsize=4)
@@ -89,7 +87,7 @@ def poster(seed: int) -> Rgba:
     return rgba(image)
 
 
-def _patch(seed: int) -> np.ndarray:
+def _patch(seed: int) -> npt.NDArray[np.float32]:
     """A picture as optimisation against a detector makes it: saturated, patchy at every scale."""
     layers = [fbm(256, seed + 10 * c, slope=1.6, lowest=3) for c in range(3)]
     rgb = np.stack([np.clip(2.4 * (layer - 0.5) + 0.5, 0.0, 1.0) for layer in layers], axis=2)

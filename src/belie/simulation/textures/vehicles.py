@@ -98,7 +98,7 @@ def end(kind: str, is_front: bool) -> Rgba:
 @lru_cache(maxsize=2)
 def glass() -> Rgba:
     """A car's window: dark, with the sky above in it and the seats behind."""
-    h, w = 128, 256
+    h = 128
     down = np.linspace(0.0, 1.0, h, dtype=np.float32)[:, None]
     noise = fbm(256, 53, slope=1.7)[:h]
     value = 0.24 - 0.17 * down + 0.10 * (noise - 0.5)
