@@ -2,7 +2,7 @@
 PYTHON ?= python3
 PYTEST ?= $(PYTHON) -m pytest
 
-.PHONY: check lint types layers test slow format install
+.PHONY: check lint types layers test slow format install demo-drive
 
 check: lint types layers test
 
@@ -28,3 +28,9 @@ format:
 
 install:
 	$(PYTHON) -m pip install -e '.[dev]'
+
+# The recording in the package that `belie demo` attacks; needs moderngl and EGL.
+DEMO = src/belie/cli/demo_drive.mcap
+demo-drive:
+	$(PYTHON) -c "from belie.cli.main import app; app()" simulate demo --jpeg-quality 60 --force -o $(DEMO)
+	rm -f $(DEMO).*

@@ -36,5 +36,5 @@ def test_python_examples(corridor, tmp_path, monkeypatch):
 
 def test_both_commands_stand_by_line_25():
     head = "\n".join((ROOT / "README.md").read_text().splitlines()[:25])
-    assert "belie check attacked.mcap" in head
+    assert "belie demo" in head
     assert "make check" in head

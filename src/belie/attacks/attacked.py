@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,16 @@ from belie.attacks.source import BodyAxes, Source
 from belie.attacks.spec import AttackSpec, parse_attack
 from belie.attacks.stream import Upstream, nothing_to_attack, reading
 from belie.attacks.timing import NS_PER_S, FrameClock
-from belie.types import AlertType, AttackError, Claim, MotionClaim, MountedCamera, PoseClaim, Step
+from belie.types import (
+    AlertType,
+    AttackError,
+    Claim,
+    DetectionClaim,
+    MotionClaim,
+    MountedCamera,
+    PoseClaim,
+    Step,
+)
 
 _STAGES = {
     "odometry": odometry_steps,
@@ -177,8 +186,10 @@ def _label(plan: Plan, onsets: dict[str, int], last_ns: int) -> AttackLabel:
     )
 
 
-def _stream_of(claim: Claim) -> Stream:
+def _stream_of(claim: Claim) -> Stream | Literal["detections"]:
     match claim:
+        case DetectionClaim():
+            return "detections"
         case PoseClaim() | MotionClaim(kind="twist"):
             return "odometry"
         case MotionClaim():

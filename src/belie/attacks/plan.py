@@ -12,7 +12,7 @@ from belie.attacks.catalogue import ROTATIONS, VEHICLE_AXES
 from belie.attacks.source import BodyAxes
 from belie.attacks.spec import AttackSpec
 from belie.attacks.timing import FrameClock, Span
-from belie.types import Claim, MotionClaim, PoseClaim, PositionClaim
+from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +63,8 @@ class Plan:
                 return self.spec.stream == "odometry"
             case PositionClaim():
                 return self.spec.stream == "position"
+            case DetectionClaim():
+                return False
             case MotionClaim(kind="twist"):
                 return self.spec.stream == "odometry"
             case MotionClaim():

@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand
 
 from belie.cli.errors import keep_apart
-from belie.cli.options import CameraInfo, Image, Imu, Odometry, Position, Rate, Source
+from belie.cli.options import CameraInfo, Detections, Image, Imu, Odometry, Position, Rate, Source
 
 
 class Encoding(StrEnum):
@@ -52,6 +52,7 @@ def attack(
     odometry: Odometry = None,
     position: Position = None,
     imu: Imu = None,
+    detections: Detections = None,
     rate: Rate = None,
 ) -> None:
     """Write an attacked copy of a recording (ROS 2 MCAP), with labels of what lies and when.
@@ -80,6 +81,7 @@ def attack(
         odometry=odometry,
         position=position,
         imu=imu,
+        detections=detections,
         rate_hz=rate,
     )
     attacked = attacked_by(recording, specs)

@@ -10,6 +10,7 @@ import typer
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
+    Detections,
     FalseAlarms,
     Image,
     Imu,
@@ -39,6 +40,7 @@ def calibrate(
     odometry: Odometry = None,
     position: Position = None,
     imu: Imu = None,
+    detections: Detections = None,
     rate: Rate = None,
 ) -> None:
     """Learn the noise of your streams from attack-free driving, and write it as settings.
@@ -72,6 +74,7 @@ def calibrate(
             odometry=odometry,
             position=position,
             imu=imu,
+            detections=detections,
             rate_hz=rate,
         )
         for source in sources

@@ -13,6 +13,7 @@ from belie.cli.errors import ALERT_RAISED, keep_apart
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
+    Detections,
     FalseAlarms,
     Image,
     Imu,
@@ -63,6 +64,7 @@ def check(
     odometry: Odometry = None,
     position: Position = None,
     imu: Imu = None,
+    detections: Detections = None,
     rate: Rate = None,
 ) -> None:
     """Check the claims in a recording against its camera, frame by frame.
@@ -98,6 +100,7 @@ def check(
         odometry=odometry,
         position=position,
         imu=imu,
+        detections=detections,
         rate_hz=rate,
     )
     if report is not None:

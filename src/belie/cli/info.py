@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from belie.cli.options import CameraInfo, Image, Imu, Odometry, Position, Rate, Source
+from belie.cli.options import CameraInfo, Detections, Image, Imu, Odometry, Position, Rate, Source
 
 if TYPE_CHECKING:
     from belie.recordings import Recording, StreamInfo
@@ -27,6 +27,7 @@ def info(
     odometry: Odometry = None,
     position: Position = None,
     imu: Imu = None,
+    detections: Detections = None,
     rate: Rate = None,
 ) -> None:
     """Show a recording's streams (types, rates, spans, gaps), its camera, and what 'belie check' would use.
@@ -51,6 +52,7 @@ def info(
             odometry=odometry,
             position=position,
             imu=imu,
+            detections=detections,
             rate_hz=rate,
         )
     except RecordingError:

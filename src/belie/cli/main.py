@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from belie.cli import attack, calibrate, check, config, info
+from belie.cli import attack, calibrate, check, config, demo, info, simulate
 from belie.cli.errors import OneLineGroup
 
 app = typer.Typer(
@@ -53,6 +53,7 @@ def belie(
     """  # noqa: D301 (\b keeps the lines of the examples)
 
 
+app.command("demo", short_help="A bundled drive, attacked and checked before your eyes.")(demo.demo)
 app.command("info", short_help="What is in a recording, and what would be checked.")(info.info)
 app.command("check", short_help="Check a recording against its own camera.")(check.check)
 app.command("attack", cls=attack.AttackCommand, short_help="Write an attacked copy, with labels.")(
@@ -60,3 +61,6 @@ app.command("attack", cls=attack.AttackCommand, short_help="Write an attacked co
 )
 app.command("config", short_help="Every setting, explained, as TOML.")(config.config)
 app.command("calibrate", short_help="Learn noise settings from attack-free driving.")(calibrate.calibrate)
+app.command(
+    "simulate", cls=simulate.SimulateCommand, short_help="Render a recording, with sensors and truth."
+)(simulate.simulate)

@@ -33,6 +33,10 @@ Position = Annotated[
     ),
 ]
 Imu = Annotated[str | None, typer.Option("--imu", metavar="TOPIC", help="IMU topic; 'none' leaves it out.")]
+Detections = Annotated[
+    str | None,
+    typer.Option("--detections", metavar="TOPIC", help="Object detections; 'none' leaves them out."),
+]
 Rate = Annotated[
     float | None,
     typer.Option("--rate", metavar="HZ", help="Frame rate of a folder or video, instead of its own times."),

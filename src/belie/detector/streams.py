@@ -10,7 +10,7 @@ import numpy as np
 
 from belie.detector.claim_buffer import ClaimBuffer, motion_between, pose_at
 from belie.geometry import SE3
-from belie.types import Claim, MotionClaim, PoseClaim, PositionClaim
+from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 
 MotionCheck = Literal["odometry", "twist", "imu"]
 _MOST_AHEAD_NS = 5_000_000_000  # of the frame: the slowest stream's next message, not a broken clock's
@@ -40,6 +40,8 @@ class Streams:
     def take(self, claims: Iterable[Claim], now_ns: int) -> None:
         """Sort new claims into their buffers; those that cannot be true of any robot or time are left out."""
         for claim in claims:
+            if isinstance(claim, DetectionClaim):
+                continue  # what stands around the robot says nothing of its motion
             if claim.stamp_ns - now_ns > _MOST_AHEAD_NS or not _is_physical(claim):
                 continue
             if isinstance(claim, PoseClaim):
@@ -101,7 +103,7 @@ class Streams:
         return due
 
 
-def _is_physical(claim: Claim) -> bool:
+def _is_physical(claim: PoseClaim | MotionClaim | PositionClaim) -> bool:
     """Whether a claim lies within what any robot on Earth could mean; numbers beyond overflow what follows."""
     if isinstance(claim, PoseClaim):
         return float(np.abs(claim.T_odom_body.t).max()) < _FARTHEST_M

@@ -78,7 +78,7 @@ def _table(settings: Settings, path: tuple[str, ...], notes: Mapping[str, str]) 
         if name in groups:
             continue
         value = getattr(settings, name)
-        default = field.get_default(call_default_factory=True)
+        default = value if field.is_required() else field.get_default(call_default_factory=True)
         yield from _comment(field.description or "")
         if value != default:
             yield from _comment(f"default: {_value(default)}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from belie.geometry import SE3
 from belie.recordings import topics as ros
 from belie.recordings.arrivals import RawImage, decode_frames, steps_of
 from belie.recordings.claims import FixReader, ImuReader, OdometryReader, PoseReader
@@ -31,6 +32,7 @@ from belie.recordings.join_settings import JoinSettings
 from belie.recordings.recording import BodyAxes, StreamInfo
 from belie.recordings.storage import BagFormat, OpenBag, opened
 from belie.recordings.transforms import TransformTree, frame_name
+from belie.recordings.vision_messages import DetectionReader
 from belie.types import Claim, MountedCamera, RecordingError, Step
 
 ClaimReader = Callable[[Any, int, int], tuple[Claim, ...]]
@@ -47,7 +49,7 @@ class BagRecording:
         What it is.
     join_settings : JoinSettings
         How streams are joined.
-    image, camera_info, odometry, position, imu : str, optional
+    image, camera_info, odometry, position, imu, detections : str, optional
         Topics to use where several would do; ``none`` leaves a claim out.
 
     Raises
@@ -75,7 +77,7 @@ class BagRecording:
             body = odometry_child(bag, odometry) if odometry is not None else ""
             frames = fixed_frames(bag)
             body = body or body_frame(frames, image.frame, claims=bool(self._chosen.claims))
-            self._readers = self._claim_readers(bag, frames, body)
+            self._readers = self._claim_readers(bag, frames, body, image.frame)
             model = first_camera(bag, self._chosen, image, by_name=named.get("camera_info") is not None)
         T_body_cam = frames.require(body, image.frame)
         self._camera = ros.camera_name(self._chosen.image.name)
@@ -87,7 +89,7 @@ class BagRecording:
         self.body_axes: BodyAxes = "rdf" if optical else "flu"
 
     def _claim_readers(
-        self, bag: OpenBag, frames: TransformTree, body: str
+        self, bag: OpenBag, frames: TransformTree, body: str, image_frame: str
     ) -> dict[str, Callable[[], ClaimReader]]:
         """For each topic that makes claims, what makes a fresh reader of its messages."""
         readers: dict[str, Callable[[], ClaimReader]] = {}
@@ -107,6 +109,15 @@ class BagRecording:
             frame = frame_name(first_message(bag, imu).header.frame_id)
             R_body_imu = frames.require(body, frame, instead="; or leave the IMU out with --imu none").R
             readers[imu.name] = lambda: ImuReader(imu.name, R_body_imu)
+        detections = self._chosen.detections
+        if detections is not None:
+            instead = "; or leave the objects out with --detections none"
+
+            def T_cam_of(frame: str) -> SE3:
+                # An empty frame_id can only mean the image's own frame.
+                return frames.require(image_frame, frame or image_frame, instead=instead)
+
+            readers[detections.name] = lambda: DetectionReader(detections.name, T_cam_of)
         return readers
 
     @cached_property

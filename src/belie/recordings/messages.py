@@ -15,7 +15,7 @@ from belie.types import GrayImage, MotionClaim, PoseClaim, PositionClaim
 
 STORE = get_typestore(Stores.LATEST)
 
-_JPEG_QUALITY = 95
+JPEG_QUALITY = 95
 _UNMEASURED = np.full(3, np.nan)
 
 
@@ -47,7 +47,12 @@ def _quaternion(R: FloatArray) -> Any:
     return new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
 
-def _pose(T: SE3) -> Any:
+def pose_message(T: SE3) -> Any:
+    """``geometry_msgs/Pose`` of a transform.
+
+    >>> pose_message(SE3.from_translation([1.0, 2.0, 3.0])).position.z
+    3.0
+    """
     x, y, z = (float(v) for v in T.t)
     position = new("geometry_msgs/msg/Point", x=x, y=y, z=z)
     return new("geometry_msgs/msg/Pose", position=position, orientation=_quaternion(T.R))
@@ -70,7 +75,7 @@ def odometry(pose: PoseClaim, motion: MotionClaim | None, body: str) -> Any:
         child_frame_id=body,
         pose=new(
             "geometry_msgs/msg/PoseWithCovariance",
-            pose=_pose(pose.T_odom_body),
+            pose=pose_message(pose.T_odom_body),
             covariance=_flat(pose.covariance, 6),
         ),
         twist=new(
@@ -92,7 +97,7 @@ def localisation(claim: PositionClaim) -> Any:
         header=header(claim.stamp_ns, claim.frame_id),
         pose=new(
             "geometry_msgs/msg/PoseWithCovariance",
-            pose=_pose(SE3.from_translation(claim.position_m)),
+            pose=pose_message(SE3.from_translation(claim.position_m)),
             covariance=covariance.ravel(),
         ),
     )
@@ -163,7 +168,9 @@ def camera_info(camera: CameraModel, stamp_ns: int, frame_id: str) -> Any:
     )
 
 
-def image(gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str) -> Any:
+def image(
+    gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str, jpeg_quality: int = JPEG_QUALITY
+) -> Any:
     """``sensor_msgs/Image`` (mono8) or ``CompressedImage`` (png, jpeg)."""
     if encoding == "mono8":
         return new(
@@ -181,7 +188,7 @@ def image(gray: GrayImage, stamp_ns: int, frame_id: str, encoding: str) -> Any:
         _, data = cv2.imencode(".png", gray, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         payload = np.asarray(data, dtype=np.uint8).ravel()
     else:
-        packed = simplejpeg.encode_jpeg(np.ascontiguousarray(gray)[:, :, None], _JPEG_QUALITY, "GRAY", "Gray")
+        packed = simplejpeg.encode_jpeg(np.ascontiguousarray(gray)[:, :, None], jpeg_quality, "GRAY", "Gray")
         payload = np.frombuffer(packed, np.uint8)
     return new(
         "sensor_msgs/msg/CompressedImage",

@@ -37,6 +37,7 @@ def open_recording(
     odometry: str | None = None,
     position: str | None = None,
     imu: str | None = None,
+    detections: str | None = None,
     rate_hz: float | None = None,
     join_settings: JoinSettings | None = None,
 ) -> Recording:
@@ -46,9 +47,9 @@ def open_recording(
     ----------
     path : path
         A bag file or folder (MCAP, sqlite3, ROS 1), a KITTI, EuRoC or TUM folder, or a video.
-    image, camera_info, odometry, position, imu : str, optional
-        Topics (cameras, files) to use where several would do. ``none`` leaves odometry, position or IMU
-        out. In folders `position="poses"` reads the one trajectory as the position claim too;
+    image, camera_info, odometry, position, imu, detections : str, optional
+        Topics (cameras, files) to use where several would do. ``none`` leaves odometry, position, IMU or
+        detections out. In folders `position="poses"` reads the one trajectory as the position claim too;
         `camera_info` names a camera file for TUM folders and videos.
     rate_hz : float, optional
         Frame rate of folders and videos, instead of the times that they hold.
@@ -83,6 +84,7 @@ def open_recording(
         "odometry": odometry,
         "position": position,
         "imu": imu,
+        "detections": detections,
     }
     try:
         source, bag_format = _bag(path)
@@ -139,7 +141,7 @@ def _open_file(
     if not start:
         raise RecordingError(f"{path} is empty (0 bytes)")
     if is_video(start):
-        _refuse("video", image=named["image"], imu=named["imu"])
+        _refuse("video", image=named["image"], imu=named["imu"], detections=named["detections"])
         return open_video(path, join_settings=settings, rate_hz=rate_hz, **_only(named, "camera_info"))
     raise RecordingError(f"{path} is no recording: it starts with {start!r}; belie reads {_KNOWN}")
 
@@ -148,13 +150,18 @@ def _open_folder(
     path: Path, settings: JoinSettings, named: dict[str, str | None], rate_hz: float | None
 ) -> Recording:
     if euroc_root(path) is not None:
-        _refuse("euroc", camera_info=named["camera_info"], rate_hz=rate_hz)
+        _refuse("euroc", camera_info=named["camera_info"], detections=named["detections"], rate_hz=rate_hz)
         return open_euroc(path, join_settings=settings, **_only(named, "image", "imu"))
     if is_kitti(path):
-        _refuse("kitti", camera_info=named["camera_info"], imu=named["imu"])
+        _refuse(
+            "kitti",
+            camera_info=named["camera_info"],
+            imu=named["imu"],
+            detections=named["detections"],
+        )
         return open_kitti(path, join_settings=settings, rate_hz=rate_hz, **_only(named, "image"))
     if is_tum(path):
-        _refuse("tum", imu=named["imu"])
+        _refuse("tum", imu=named["imu"], detections=named["detections"])
         return open_tum(path, join_settings=settings, rate_hz=rate_hz, **_only(named, "image", "camera_info"))
     found = sorted(entry.name for entry in path.iterdir())
     if not found:

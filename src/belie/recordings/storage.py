@@ -17,6 +17,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from belie.recordings.vision_messages import VISION_TYPES
 from belie.types import BelieError, RecordingError
 
 BagFormat = Literal["ros2-mcap", "ros2-sqlite3", "ros1"]
@@ -149,7 +150,7 @@ class OpenBag:
                         get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
                     )
             return types
-        return self._usual_types()
+        return {**self._usual_types(), **VISION_TYPES}
 
 
 def _storages(reader: Any) -> list[Any]:

@@ -15,6 +15,8 @@ POSE = "geometry_msgs/msg/PoseStamped"
 POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 FIX = "sensor_msgs/msg/NavSatFix"
 IMU = "sensor_msgs/msg/Imu"
+DETECTIONS_2D = "vision_msgs/msg/Detection2DArray"
+DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 _ROLES: dict[str, Role] = {
@@ -28,8 +30,8 @@ _ROLES: dict[str, Role] = {
     IMU: "imu",
     TRANSFORMS: "tf",
     "tf/msg/tfMessage": "tf",
-    "vision_msgs/msg/Detection2DArray": "detections",
-    "vision_msgs/msg/Detection3DArray": "detections",
+    DETECTIONS_2D: "detections",
+    DETECTIONS_3D: "detections",
 }
 # Poses that somebody wishes for, not where the robot says that it is.
 _COMMANDS = {"/goal_pose", "/initialpose", "/move_base_simple/goal"}
@@ -63,11 +65,13 @@ class Choice:
     odometry: Topic | None
     position: Topic | None
     imu: Topic | None
+    detections: Topic | None
 
     @property
     def claims(self) -> tuple[Topic, ...]:
         """The topics that make claims."""
-        return tuple(topic for topic in (self.odometry, self.position, self.imu) if topic is not None)
+        claims = (self.odometry, self.position, self.imu, self.detections)
+        return tuple(topic for topic in claims if topic is not None)
 
     @property
     def all(self) -> tuple[Topic, ...]:
@@ -92,10 +96,11 @@ def choose(
     odometry: str | None = None,
     position: str | None = None,
     imu: str | None = None,
+    detections: str | None = None,
 ) -> Choice:
     """Find each part's topic by message type, or take the one that is named.
 
-    ``none`` leaves odometry, position or IMU out.
+    ``none`` leaves odometry, position, IMU or detections out.
 
     Raises
     ------
@@ -131,6 +136,9 @@ def choose(
         ),
         position=_one(others, "position", (POSE, POSE_COVARIANCE, FIX), position, flag="--position"),
         imu=_one(topics, "imu", (IMU,), imu, flag="--imu"),
+        detections=_one(
+            topics, "detections", (DETECTIONS_2D, DETECTIONS_3D), detections, flag="--detections"
+        ),
     )
 
 

@@ -26,10 +26,18 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
 from belie.geometry import SE3, FloatArray
-from belie.recordings import messages, topics
+from belie.recordings import messages, topics, vision_messages
 from belie.recordings.geodesy import GeodeticPoint
 from belie.recordings.recording import BodyAxes, Recording
-from belie.types import MotionClaim, MountedCamera, PoseClaim, PositionClaim, RecordingError, Step
+from belie.types import (
+    DetectionClaim,
+    MotionClaim,
+    MountedCamera,
+    PoseClaim,
+    PositionClaim,
+    RecordingError,
+    Step,
+)
 
 ImageEncoding = Literal["png", "mono8", "jpeg"]
 
@@ -59,6 +67,7 @@ def write_mcap(
     cameras: Mapping[str, MountedCamera],
     body_axes: BodyAxes,
     image_encoding: ImageEncoding = "png",
+    jpeg_quality: int = messages.JPEG_QUALITY,
     geodetic_origin: GeodeticPoint | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> None:
@@ -80,6 +89,8 @@ def write_mcap(
         Axes of the body frame.
     image_encoding : "png", "mono8" or "jpeg"
         png and mono8 are lossless.
+    jpeg_quality : int
+        1 to 100, for ``jpeg``.
     geodetic_origin : GeodeticPoint, optional
         Of the ENU coordinates of GNSS claims; by default the recording's own, else 0 N 0 E.
     progress : callable, optional
@@ -112,6 +123,8 @@ def write_mcap(
         raise ValueError(f"a recording has one camera, got {sorted(cameras)}")
     if image_encoding not in ("png", "mono8", "jpeg"):
         raise ValueError(f"image_encoding must be png, mono8 or jpeg, got {image_encoding!r}")
+    if not 1 <= jpeg_quality <= 100:
+        raise ValueError(f"jpeg_quality is 1 to 100, got {jpeg_quality}")
     steps: Iterable[Step]
     if hasattr(recording_or_steps, "steps"):
         geodetic_origin = geodetic_origin or getattr(recording_or_steps, "geodetic_origin", None)
@@ -123,7 +136,7 @@ def write_mcap(
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".belie-") as scratch:
         folder = Path(scratch) / path.stem
         with BagWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-            out = _Output(bag, cameras, body_axes, image_encoding, origin)
+            out = _Output(bag, cameras, body_axes, image_encoding, jpeg_quality, origin)
             for count, step in enumerate(steps, start=1):
                 out.write(step)
                 if progress is not None:
@@ -143,9 +156,11 @@ class _Output:
         cameras: Mapping[str, MountedCamera],
         body_axes: BodyAxes,
         encoding: ImageEncoding,
+        jpeg_quality: int,
         origin: GeodeticPoint,
     ) -> None:
         self.bag, self.encoding, self.origin = bag, encoding, origin
+        self.jpeg_quality = jpeg_quality
         self.body = BODY_FRAMES[body_axes]
         ((name, self.mounted),) = cameras.items()
         base = topics.camera_name(_ros_name(name, "/camera/image"))
@@ -164,7 +179,7 @@ class _Output:
         self._put(
             self.image_topic,
             topics.IMAGE if self.encoding == "mono8" else topics.COMPRESSED,
-            messages.image(frame.image, frame.stamp_ns, CAMERA_FRAME, self.encoding),
+            messages.image(frame.image, frame.stamp_ns, CAMERA_FRAME, self.encoding, self.jpeg_quality),
             frame.received_ns,
         )
         info = messages.camera_info(self.mounted.model, frame.stamp_ns, CAMERA_FRAME)
@@ -191,6 +206,9 @@ class _Output:
                 self._put(_ros_name(claim.source, "/odom"), topics.ODOMETRY, message, claim.received_ns)
             elif isinstance(claim, PositionClaim):
                 self._position(claim)
+            elif isinstance(claim, DetectionClaim):
+                kind, message = vision_messages.detections(claim, CAMERA_FRAME)
+                self._put(_ros_name(claim.source, "/detections"), kind, message, claim.received_ns)
             elif claim.kind == "imu":
                 message = messages.imu(claim, self.body)
                 self._put(_ros_name(claim.source, "/imu"), topics.IMU, message, claim.received_ns)

@@ -1,7 +1,7 @@
 """The frozen values that travel between belie's layers, and the error tree."""
 
 from belie.types.arrays import frozen, frozen_as
-from belie.types.claims import Claim, MotionClaim, PoseClaim, PositionClaim
+from belie.types.claims import Claim, Detection, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 from belie.types.config import Settings
 from belie.types.errors import (
     AttackError,
@@ -27,6 +27,8 @@ __all__ = [
     "CheckResult",
     "Claim",
     "ConfigError",
+    "Detection",
+    "DetectionClaim",
     "Features",
     "Frame",
     "GrayImage",

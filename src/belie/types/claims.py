@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from belie.geometry import SE3, FloatArray
 from belie.types.arrays import frozen
 
@@ -117,4 +119,86 @@ class PositionClaim:
             object.__setattr__(self, "covariance", frozen(self.covariance, (3, 3), "covariance"))
 
 
-Claim = PoseClaim | MotionClaim | PositionClaim
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detection:
+    """One object that a detector claims to see.
+
+    Parameters
+    ----------
+    label : str
+        Its class, in the detector's own words.
+    score : float
+        Confidence, 0 to 1.
+    track_id : str
+        The same for the same object from message to message; empty where the detector does not track.
+    box_px : array (4,) or None
+        Left, top, right, bottom edge; pixel i covers i to i + 1, so the whole image is (0, 0, width, height).
+        None where the detector tells no image box (LiDAR).
+    T_cam_obj : SE3 or None
+        Maps the object's coordinates (x forward, y left, z up, origin in its middle) to camera ones; None if its
+        attitude is not known.
+    position_m : array (3,) or None
+        Its middle in camera axes (x right, y down, z forward); that of `T_cam_obj` where that is given.
+    covariance : array (3, 3) or None
+        Of the position, m²; None if unknown.
+    dimensions_m : array (3,) or None
+        Length, width, height: along the object's x, y and z.
+
+    Examples
+    --------
+    >>> car = Detection(label="car", score=0.9, track_id="7", T_cam_obj=SE3.from_translation([0, 1, 20.0]))
+    >>> car.position_m
+    array([ 0.,  1., 20.])
+    """
+
+    label: str
+    score: float
+    track_id: str = ""
+    box_px: FloatArray | None = None
+    T_cam_obj: SE3 | None = None
+    position_m: FloatArray | None = None
+    covariance: FloatArray | None = None
+    dimensions_m: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.score <= 1.0:
+            raise ValueError(f"a score is between 0 and 1, got {self.score}")
+        if self.T_cam_obj is not None:
+            if self.position_m is not None and np.abs(self.T_cam_obj.t - self.position_m).max() > 1e-9:
+                raise ValueError("position_m is not that of T_cam_obj")
+            object.__setattr__(self, "position_m", self.T_cam_obj.t)
+        for name, shape in (
+            ("box_px", (4,)),
+            ("position_m", (3,)),
+            ("covariance", (3, 3)),
+            ("dimensions_m", (3,)),
+        ):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, frozen(value, shape, name))
+        if self.box_px is not None and (self.box_px[2:] < self.box_px[:2]).any():
+            raise ValueError(f"box_px is left, top, right, bottom; got {self.box_px.tolist()}")
+        if self.covariance is not None and self.position_m is None:
+            raise ValueError("a covariance without a position")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DetectionClaim:
+    """All objects that a detector claims to see at `stamp_ns`: one message; none is a claim, too.
+
+    Examples
+    --------
+    >>> DetectionClaim(source="/detections", stamp_ns=0, received_ns=0, detections=()).detections
+    ()
+    """
+
+    source: str
+    stamp_ns: int
+    received_ns: int
+    detections: tuple[Detection, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "detections", tuple(self.detections))
+
+
+Claim = PoseClaim | MotionClaim | PositionClaim | DetectionClaim

@@ -1,0 +1,1 @@
+"""Shapes of the simulated world, built from a few primitives."""

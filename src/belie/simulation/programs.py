@@ -1,0 +1,112 @@
+"""Compiles the programs that a world needs in a weather, and sets their uniforms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from belie.simulation import shaders
+from belie.simulation.weather import Weather
+from belie.simulation.world import Material, World
+
+if TYPE_CHECKING:
+    import moderngl
+
+UNITS = {
+    "image": 0,
+    "detail": 1,
+    "still_shadow": 2,
+    "moving_shadow": 3,
+    "lamp_map": 4,
+    "mirror": 5,
+    "clouds": 6,
+}  # texture units
+_KINDS: dict[str, dict[str, str]] = {"opaque": {}, "cutout": {"CUTOUT": ""}, "decal": {"DECAL": ""}}
+
+
+def kind_of(material: Material) -> str:
+    """Which program draws a material: ``opaque``, ``cutout`` or ``decal``."""
+    if material.is_decal:
+        return "decal"
+    return "cutout" if material.is_cutout else "opaque"
+
+
+def has_sun(world: World, weather: Weather) -> bool:
+    """Whether the sun shines into it."""
+    return max(weather.sun) > 0.0 and not world.is_indoors
+
+
+def has_mirror(world: World, weather: Weather) -> bool:
+    """Whether its ground mirrors."""
+    return weather.wetness > 0.0 and world.has_flat_ground and not world.is_indoors
+
+
+def compile_programs(
+    context: moderngl.Context, world: World, weather: Weather
+) -> dict[str, moderngl.Program]:
+    """All programs by name; `` mirrored`` ones draw what a wet road mirrors."""
+    defines = _defines(world, weather)
+    mirrors = has_mirror(world, weather)
+    sources = {}
+    for kind, own in _KINDS.items():
+        sources[kind] = (
+            shaders.VERTEX,
+            shaders.FRAGMENT,
+            {**defines, **own, **({"MIRROR": ""} if mirrors else {})},
+        )
+        if mirrors:
+            mirrored = {**defines, **own, "MIRRORED": ""}
+            sources[f"{kind} mirrored"] = (shaders.VERTEX, shaders.FRAGMENT, mirrored)
+    for kind in ("opaque", "cutout"):
+        sources[f"shadow {kind}"] = (shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT, _KINDS[kind])
+        sources[f"truth {kind}"] = (shaders.TRUTH_VERTEX, shaders.TRUTH_FRAGMENT, _KINDS[kind])
+    sources["depth"] = (shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT, {})
+    sources["depth mirrored"] = (shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT, {"MIRRORED": ""})
+    sources["sky"] = (shaders.FULL_SCREEN, shaders.SKY, {})
+    sources["far"] = (shaders.FULL_SCREEN, shaders.FAR_TRUTH, {})
+    sources["glow"] = (shaders.GLOW_VERTEX, shaders.GLOW_FRAGMENT, {})
+    return {name: _compiled(context, *source) for name, source in sources.items()}
+
+
+def _defines(world: World, weather: Weather) -> dict[str, str]:
+    w = weather
+    defines = {"NIGHT_GLOW": "1.3" if w.is_dark else ("0.12" if w.clouds >= 1.0 else "0.0")}
+    if has_sun(world, w):
+        defines["SUN"] = ""
+    if (w.is_dark or world.is_indoors) and len(world.lamps):
+        defines["LAMPS"] = ""
+        # Outdoors a lamp lights what is below its head; indoors the whole height of the walls.
+        defines["LAMP_FALLOFF"] = "1.0" if world.is_indoors else "smoothstep(9.0, 2.0, v_world.z)"
+    if w.is_dark and world.headlights_m is not None:
+        defines["HEADLIGHTS"] = ""
+    if w.wetness > 0.0 and not world.is_indoors:
+        defines |= {"WET": "", "WET_GROUND": "1.0" if world.has_flat_ground else "0.4"}
+    return defines
+
+
+def _compiled(
+    context: moderngl.Context, vertex: str, fragment: str, defines: dict[str, str]
+) -> moderngl.Program:
+    program = context.program(vertex_shader=vertex, fragment_shader=shaders.with_defines(fragment, defines))
+    for name, unit in UNITS.items():
+        set_one(program, name, unit)
+    return program
+
+
+def set_one(program: moderngl.Program, name: str, value: object) -> None:
+    """Set a uniform; one that a weather's program does without is passed over."""
+    member = program.get(name, None)
+    if member is None:
+        return
+    if isinstance(value, np.ndarray):
+        member.write(np.ascontiguousarray(value.T, np.float32).tobytes())  # type: ignore[union-attr]
+    else:
+        member.value = value  # type: ignore[union-attr]
+
+
+def set_all(program: moderngl.Program, values: Mapping[str, object]) -> None:
+    """Set many uniforms."""
+    for name, value in values.items():
+        set_one(program, name, value)

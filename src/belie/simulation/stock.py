@@ -1,0 +1,66 @@
+"""All meshes and textures of a world on the graphics side, sorted by how they are drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from belie.geometry import FloatArray
+from belie.simulation.gpu import GpuMesh, texture_of, upload
+from belie.simulation.programs import UNITS, kind_of
+from belie.simulation.still import still_meshes
+from belie.simulation.world import Material, Part, World
+
+if TYPE_CHECKING:
+    import moderngl
+
+
+class Stock:
+    """Meshes and textures, uploaded when first needed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Where.
+    world : World
+        Whose.
+    reach_m : float
+        How far one sees.
+    """
+
+    def __init__(self, context: moderngl.Context, world: World, reach_m: float) -> None:
+        self._context, self._reach_m = context, reach_m
+        still = [upload(context, mesh, ids, chunked=True) for mesh, ids in still_meshes(world)]
+        self._still = _by_kind(still)
+        self._moving: dict[Part, dict[str, list[GpuMesh]]] = {}
+        self._textures: dict[Material, moderngl.Texture] = {}
+
+    def still(self, kind: str) -> list[GpuMesh]:
+        """What never moves, of a kind."""
+        return self._still.get(kind, [])
+
+    def of_part(self, part: Part, kind: str) -> list[GpuMesh]:
+        """The meshes of an actor's part, of a kind."""
+        if part not in self._moving:
+            self._moving[part] = _by_kind(
+                [upload(self._context, mesh, chunked=False) for mesh in part.meshes]
+            )
+        return self._moving[part].get(kind, [])
+
+    def draw(self, mesh: GpuMesh, program: moderngl.Program, planes: FloatArray | None) -> None:
+        """Draw a mesh with its texture, as far as it is within the planes."""
+        material = mesh.material
+        if material not in self._textures:
+            self._textures[material] = texture_of(self._context, material)
+        self._textures[material].use(UNITS["image"])
+        self.draw_plain(mesh, program, planes)
+
+    def draw_plain(self, mesh: GpuMesh, program: moderngl.Program, planes: FloatArray | None) -> None:
+        """Draw a mesh where its texture does not matter."""
+        mesh.draw(self._context, program, planes, self._reach_m)
+
+
+def _by_kind(meshes: list[GpuMesh]) -> dict[str, list[GpuMesh]]:
+    sorted_out: dict[str, list[GpuMesh]] = {}
+    for mesh in meshes:
+        sorted_out.setdefault(kind_of(mesh.material), []).append(mesh)
+    return sorted_out

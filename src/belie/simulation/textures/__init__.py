@@ -1,0 +1,1 @@
+"""Procedural textures: every picture in the simulated world is computed, none is copied."""
