@@ -83,10 +83,9 @@ def corner_lines(triples: int) -> list[str]:
         "|---|---|---:|---:|---:|---:|---:|",
     ]
     for scene, manoeuvre in track(SCENES, description="corners"):
-        for name in WEATHERS:
-            lines.append(_row(f"{scene} {manoeuvre}", name, simulated(scene, manoeuvre, name, triples)))
-    for recording in ("kitti00", "kitti06"):
-        lines.append(_row(recording, "real", real(recording, triples)))
+        names = f"{scene} {manoeuvre}"
+        lines += [_row(names, name, simulated(scene, manoeuvre, name, triples)) for name in WEATHERS]
+    lines += [_row(recording, "real", real(recording, triples)) for recording in ("kitti00", "kitti06")]
     return lines
 
 
@@ -139,9 +138,10 @@ def _row(images: str, weather: str, triples: Sequence[Triple]) -> str:
     found = [_tracked(triple) for triple in triples]
     errors = np.concatenate([error for _, _, error in found])
     corners, tracks = sum(n for n, _, _ in found), sum(n for _, n, _ in found)
-    shown = (f"{np.median(errors):.2f}", f"{np.percentile(errors, 90):.2f}") if len(errors) > 20 else ("", "")
+    shown = [f"{np.percentile(errors, q):.2f}" if len(errors) > 20 else "" for q in (50, 90)]
     share = f"{100 * tracks / max(corners, 1):.0f} %"
-    return f"| {images} | {weather} | {np.median(fast):.0f} | {tracks / len(triples):.0f} | {share} | {shown[0]} | {shown[1]} |"
+    cells = (images, weather, f"{np.median(fast):.0f}", f"{tracks / len(triples):.0f}", share, *shown)
+    return f"| {' | '.join(cells)} |"
 
 
 def _tracked(triple: Triple) -> tuple[int, int, FloatArray]:

@@ -17,8 +17,14 @@ from belie.simulation.renderer import Renderer
 from belie.simulation.weather import WEATHERS
 from belie.simulation.world import World
 
-ROWS = (("street", "straight", 3.0), ("street", "curve", 5.0), ("street", "highway", 4.0), ("corridor", "straight", 4.0),
-        ("flight", "curve", 5.0), ("patch", "straight", 7.0))  # fmt: skip
+ROWS = (
+    ("street", "straight", 3.0),
+    ("street", "curve", 5.0),
+    ("street", "highway", 4.0),
+    ("corridor", "straight", 4.0),
+    ("flight", "curve", 5.0),
+    ("patch", "straight", 7.0),
+)
 _FIELD_OF_VIEW_DEG = 80.0
 Picture = npt.NDArray[np.uint8]
 

@@ -19,7 +19,7 @@ from belie.simulation.projection import (
     mirrored,
     picture_rays,
     projection_matrix,
-    reach_m,
+    sight_m,
     sun_direction,
 )
 from belie.simulation.shadows import ShadowMaps
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 _SAMPLES = 4  # without them edges sparkle, and corners are found that are none
 _SAMPLE_ALPHA_TO_COVERAGE = 0x809E
+_MIRROR_SHARE = 3  # a wet road smears what it mirrors: a third of the resolution does
+_MIRROR_REACH_M = 90.0
 _POLISHED = 0.1  # what is glossier than this has no stains
 _IDENTITY = np.eye(4)
 
@@ -51,7 +53,7 @@ class ColourPass:
         self._context, self._programs, self._stock = context, programs, stock
         self._world, self._camera, self._weather = world, camera, weather
         self._projection = projection_matrix(camera, world.near_m)
-        self._reach_m = reach_m(weather)
+        self._reach_m = sight_m(weather)
         self._sun = sun_direction(weather, world.street_direction_rad)
         self._shadows = ShadowMaps(
             context, self._sun if has_sun(world, weather) else None, world.shadow_reach_m
@@ -65,11 +67,13 @@ class ColourPass:
         )
         self._plain = context.simple_framebuffer(size, 4)
         self._mirrors = has_mirror(world, weather)
-        half = (max(1, size[0] // 2), max(1, size[1] // 2)) if self._mirrors else (1, 1)
-        self._mirror_texture = context.texture(half, 4)
+        small = (
+            (max(1, size[0] // _MIRROR_SHARE), max(1, size[1] // _MIRROR_SHARE)) if self._mirrors else (1, 1)
+        )
+        self._mirror_texture = context.texture(small, 4)
         self._mirror_texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
         self._mirror_texture.repeat_x = self._mirror_texture.repeat_y = False
-        self._mirror = context.framebuffer([self._mirror_texture], context.depth_renderbuffer(half))
+        self._mirror = context.framebuffer([self._mirror_texture], context.depth_renderbuffer(small))
 
     def draw(self, placed: list[Placed], T_world_cam: SE3) -> npt.NDArray[np.uint8]:
         """The picture, shape (H, W, 4), RGBA, gamma 2."""
@@ -95,7 +99,8 @@ class ColourPass:
         view = T_world_cam.inverse().matrix()
         view = mirrored(view) if is_mirror else view
         eye, R_world_cam = flip * T_world_cam.t, flip[:, None] * T_world_cam.R
-        planes = frustum_planes(self._projection @ view, self._reach_m, eye, R_world_cam[:, 2])
+        reach_m = min(self._reach_m, _MIRROR_REACH_M) if is_mirror else self._reach_m
+        planes = frustum_planes(self._projection @ view, reach_m, eye, R_world_cam[:, 2])
         bodies = [body for body in placed if body.is_within(planes)]
         common = {
             **light_uniforms(self._world, self._weather, self._sun, T_world_cam),
@@ -110,45 +115,31 @@ class ColourPass:
         target.use()
         target.clear(depth=1.0)
         suffix = " mirrored" if is_mirror else ""
-        self._depths(target, self._programs["depth" + suffix], common, planes, bodies)
-        self._opaque(self._programs["opaque" + suffix], common, planes, bodies)
+        self._opaque(self._programs["opaque" + suffix], common, planes, bodies, eye)
         self._sky(R_world_cam, common)
         self._decals(target, self._programs["decal" + suffix], common, planes, bodies)
         self._cutouts(self._programs["cutout" + suffix], common, planes, bodies, covers=not is_mirror)
         self._glows(target, view, placed, eye)
 
-    def _depths(
+    def _opaque(
         self,
-        target: moderngl.Framebuffer,
         program: moderngl.Program,
         common: dict[str, object],
         planes: FloatArray,
         bodies: list[Placed],
+        eye: FloatArray,
     ) -> None:
-        """Depths of all that is opaque, so that then each pixel is lit but once."""
-        context = self._context
-        target.color_mask = False, False, False, False
-        context.enable(context.CULL_FACE)
-        set_all(program, {"view_projection": common["view_projection"], "model": _IDENTITY})
-        for mesh in self._stock.still("opaque"):
-            self._stock.draw_plain(mesh, program, planes)
-        for body in bodies:
-            for part, model, _ in body.parts:
-                set_one(program, "model", model)
-                for mesh in self._stock.of_part(part, "opaque"):
-                    self._stock.draw_plain(mesh, program, None)
-        context.disable(context.CULL_FACE)
-        target.color_mask = True, True, True, True
+        """Solid surfaces, from near to far.
 
-    def _opaque(
-        self, program: moderngl.Program, common: dict[str, object], planes: FloatArray, bodies: list[Placed]
-    ) -> None:
-        context = self._context
-        context.enable(context.CULL_FACE)
-        context.depth_func = "<="
-        self._surfaces("opaque", program, common, planes, bodies)
-        context.disable(context.CULL_FACE)
-        context.depth_func = "<"
+        To draw all depths first, so that each pixel is lit but once, costs more on llvmpipe than it saves.
+        """
+        self._context.enable(self._context.CULL_FACE)
+        self._bodies("opaque", program, common, bodies)
+        set_one(program, "model", _IDENTITY)
+        for mesh, runs in self._stock.nearest_first("opaque", planes, eye):
+            self._prepare(mesh, program, moves=False)
+            self._stock.draw_runs(mesh, program, runs)
+        self._context.disable(self._context.CULL_FACE)
 
     def _decals(
         self,
@@ -189,29 +180,35 @@ class ColourPass:
         planes: FloatArray,
         bodies: list[Placed],
     ) -> None:
-        set_all(program, {**common, "model": _IDENTITY})
+        self._bodies(kind, program, common, bodies)
+        set_one(program, "model", _IDENTITY)
         for mesh in self._stock.still(kind):
-            stained = not self._world.is_indoors and mesh.material.gloss <= _POLISHED
-            self._surface(mesh, program, planes, 1.0 if stained else 0.0)
+            self._prepare(mesh, program, moves=False)
+            self._stock.draw(mesh, program, planes)
+
+    def _bodies(
+        self, kind: str, program: moderngl.Program, common: dict[str, object], bodies: list[Placed]
+    ) -> None:
+        set_all(program, common)
         for body in bodies:
             for part, model, _ in body.parts:
                 set_one(program, "model", model)
                 for mesh in self._stock.of_part(part, kind):
-                    self._surface(mesh, program, None, 0.0)  # stains stick to the world, not to what moves
+                    self._prepare(mesh, program, moves=True)
+                    self._stock.draw(mesh, program, None)
 
-    def _surface(
-        self, mesh: GpuMesh, program: moderngl.Program, planes: FloatArray | None, detail_share: float
-    ) -> None:
+    def _prepare(self, mesh: GpuMesh, program: moderngl.Program, *, moves: bool) -> None:
         material = mesh.material
+        # Stains stick to the world, not to what moves; and nothing polished has them.
+        is_stained = not (moves or self._world.is_indoors or material.gloss > _POLISHED)
         values = {
             "gloss": material.gloss,
             "glow": material.glow,
             "two_sided": float(material.is_double_sided),
             "wetness": self._weather.wetness if material.is_ground else 0.0,
-            "detail_share": detail_share,
+            "detail_share": float(is_stained),
         }
         set_all(program, values)
-        self._stock.draw(mesh, program, planes)
 
     def _sky(self, R_world_cam: FloatArray, common: dict[str, object]) -> None:
         rays = picture_rays(self._camera, R_world_cam)

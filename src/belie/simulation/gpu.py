@@ -156,12 +156,33 @@ def visible_runs(chunks: Chunks, planes: FloatArray | None) -> list[tuple[int, i
     starts = chunks.starts
     if planes is None:
         return [(0, int(starts[-1]))]
+    inside = _inside(chunks, planes)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    return [(int(starts[a]), int(starts[b] - starts[a])) for a, b in edges.reshape(-1, 2).tolist()]
+
+
+def visible_chunks(chunks: Chunks, planes: FloatArray, eye: FloatArray) -> list[tuple[float, int, int]]:
+    """Distance of its box from the eye (m), first index and count of each run that may be seen.
+
+    >>> box = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    >>> chunks = Chunks(starts=np.array([0, 6, 9]), low=box, high=box + 1.0)
+    >>> visible_chunks(chunks, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros(3))
+    [(0.0, 0, 6), (5.0, 6, 3)]
+    """
+    inside = np.flatnonzero(_inside(chunks, planes))
+    gap = np.maximum(np.maximum(chunks.low[inside] - eye, eye - chunks.high[inside]), 0.0)
+    starts = chunks.starts
+    return [
+        (float(d), int(starts[k]), int(starts[k + 1] - starts[k]))
+        for d, k in zip(np.linalg.norm(gap, axis=1), inside.tolist(), strict=True)
+    ]
+
+
+def _inside(chunks: Chunks, planes: FloatArray) -> npt.NDArray[np.bool_]:
     normals = planes[:, None, :3]
     # Of each box the corner that is farthest along the plane's normal.
     corner = np.where(normals > 0.0, chunks.high, chunks.low)
-    inside = ((corner * normals).sum(axis=2) + planes[:, 3:] >= 0.0).all(axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
-    return [(int(starts[a]), int(starts[b] - starts[a])) for a, b in edges.reshape(-1, 2).tolist()]
+    return np.asarray(((corner * normals).sum(axis=2) + planes[:, 3:] >= 0.0).all(axis=0))
 
 
 def texture_of(context: moderngl.Context, material: Material) -> moderngl.Texture:

@@ -19,8 +19,8 @@ from belie.types import Settings
 Image = npt.NDArray[np.uint8]
 FloatImage = npt.NDArray[np.float32]
 
-_MOST_TAPS = 7
-_PX_A_TAP = 2.5
+_MOST_TAPS = 5
+_PX_A_TAP = 3.0
 
 
 class ImagingSettings(Settings):

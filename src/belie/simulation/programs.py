@@ -62,8 +62,6 @@ def compile_programs(
     for kind in ("opaque", "cutout"):
         sources[f"shadow {kind}"] = (shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT, _KINDS[kind])
         sources[f"truth {kind}"] = (shaders.TRUTH_VERTEX, shaders.TRUTH_FRAGMENT, _KINDS[kind])
-    sources["depth"] = (shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT, {})
-    sources["depth mirrored"] = (shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT, {"MIRRORED": ""})
     sources["sky"] = (shaders.FULL_SCREEN, shaders.SKY, {})
     sources["far"] = (shaders.FULL_SCREEN, shaders.FAR_TRUTH, {})
     sources["glow"] = (shaders.GLOW_VERTEX, shaders.GLOW_FRAGMENT, {})

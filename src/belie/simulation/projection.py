@@ -129,11 +129,11 @@ def picture_rays(camera: CameraModel, R: FloatArray) -> FloatArray:
     return np.asarray(R @ inverse)
 
 
-def reach_m(weather: Weather) -> float:
+def sight_m(weather: Weather) -> float:
     """How far one sees: in fog, until less than a level of contrast is left.
 
     >>> from belie.simulation.weather import WEATHERS
-    >>> round(reach_m(WEATHERS["heavy-fog"])), reach_m(WEATHERS["sunny"]) == FAR_M
+    >>> round(sight_m(WEATHERS["heavy-fog"])), sight_m(WEATHERS["sunny"]) == FAR_M
     (90, True)
     """
     extinction = weather.extinction_per_m

@@ -25,12 +25,14 @@ def add_streaks(
     x, y = rng.uniform(0.0, camera.width, count), rng.uniform(-0.1 * camera.height, camera.height, count)
     length_px = camera.fy * _FALL_M_S * _STREAK_S / z
     lean = rng.normal(0.08, 0.04, count) + 0.25 * (x / camera.width - 0.5)
-    veil = np.zeros(image.shape[:2], np.uint8)
+    half = 0.5  # streaks are soft: drawn at half the resolution
+    veil = np.zeros((-(-image.shape[0] // 2), -(-image.shape[1] // 2)), np.uint8)
     bright = (26.0 if weather.is_dark else 44.0) * np.clip(3.0 / z, 0.35, 1.0)
     width_px = np.maximum(1, np.round(camera.fy * 0.0016 / z)).astype(np.int64)
     for k in range(count):
-        start = (round(float(x[k]) * 16), round(float(y[k]) * 16))
-        end = (round(float(x[k] + lean[k] * length_px[k]) * 16), round(float(y[k] + length_px[k]) * 16))
+        place = np.array([x[k], y[k]])
+        ends = np.stack([place, place + length_px[k] * np.array([lean[k], 1.0])])
+        start, end = (ends * half * 16.0).round().astype(int).tolist()  # OpenCV's fixed point: shift 4
         cv2.line(veil, start, end, float(bright[k]), int(width_px[k]), cv2.LINE_AA, 4)
-    veil = cv2.GaussianBlur(veil, (0, 0), max(0.6, camera.width / 1600.0))
+    veil = cv2.resize(veil, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.add(image, cv2.merge([veil, veil, veil])))

@@ -11,7 +11,6 @@ VERTEX = """
 uniform mat4 model;
 uniform mat4 view_projection;
 uniform mat4 sun_projection;
-invariant gl_Position;  // equal to the bit in DEPTH_VERTEX, whose depths it meets
 in vec3 in_point;
 in vec3 in_normal;
 in vec2 in_uv;
@@ -29,31 +28,6 @@ void main() {
     v_colour = in_colour;
     v_sun = (sun_projection * world).xyz * 0.5 + 0.5;
     gl_Position = view_projection * world;
-}
-"""
-
-DEPTH_VERTEX = """
-#version 330
-uniform mat4 model;
-uniform mat4 view_projection;
-invariant gl_Position;
-in vec3 in_point;
-out vec3 v_world;
-void main() {
-    vec4 world = model * vec4(in_point, 1.0);
-    v_world = world.xyz;
-    gl_Position = view_projection * world;
-}
-"""
-
-DEPTH_FRAGMENT = """
-#version 330
-/*DEFINES*/
-in vec3 v_world;
-void main() {
-#ifdef MIRRORED
-    if (v_world.z < 0.02) discard;
-#endif
 }
 """
 

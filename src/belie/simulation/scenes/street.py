@@ -38,8 +38,8 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
     Examples
     --------
     >>> world = build(seed=1, duration_s=4.0)
-    >>> world.ego.T_world_body(0.0).t.round(1)[:2], world.lane.speed_m_s
-    (array([30. , -1.8]), 9.5)
+    >>> world.lane.half_width_m, world.lane.speed_m_s
+    (1.75, 9.5)
     """
     require_manoeuvre(manoeuvre, MANOEUVRES)
     if manoeuvre == "highway":
