@@ -20,6 +20,7 @@ from belie.geometry import FloatArray
 from belie.types import Settings
 
 _STORED = 1.02  # of a threshold
+_HALF = 0.505  # of a threshold, and a little: two make a whole
 _OVERSHOOT = 1.166  # mean overshoot of a Gaussian walk over both boundaries, in sigma (Siegmund)
 
 
@@ -30,13 +31,14 @@ class SequentialSettings(Settings):
         0.1, gt=0.0, le=1000.0, description="false alarms that are tolerated, all checks together [1/h]"
     )
     shifts_sigma: tuple[float, ...] = Field(
-        (0.5, 1.0, 2.0, 4.0), min_length=1,
+        (0.5, 1.0, 2.0, 4.0, 8.0), min_length=1,
         description="sizes of the lies that the CUSUM bank is best at [standard deviations a frame]",
     )  # fmt: skip
     clip_sigma: float = Field(
         3.5, gt=1.0,
         description="one frame counts for no more than this [standard deviations]: residuals have heavier tails "
-        "than a Gaussian; one frame proves little, nor do the two that a bump in the road lasts",
+        "than a Gaussian; one frame proves little, nor do the two that a bump in the road lasts. For a shift of more "
+        "than twice this, a frame counts for half the threshold: two such frames are no bump",
     )  # fmt: skip
     jump_sigma: float = Field(
         15.0, gt=3.0,
@@ -154,8 +156,13 @@ class CusumBank:
         s = self._settings
         largest = int(np.argmax(np.abs(x)))
         jump = float(x[largest] ** 2)
-        clipped = np.clip(x, -s.clip_sigma, s.clip_sigma)
-        signed = np.stack([clipped, -clipped], axis=1)[:, :, None]
+        clip = np.where(
+            self._shifts > 2.0 * s.clip_sigma,
+            0.5 * self._shifts + _HALF * self._thresholds / self._shifts,
+            s.clip_sigma,
+        )
+        clipped = np.clip(x[:, None], -clip, clip)
+        signed = np.stack([clipped, -clipped], axis=1)
         self._since_ns[self._sums == 0.0] = stamp_ns
         # Little more than the threshold is stored: a contradiction must be able to end.
         grown = self._sums + signed * self._shifts - 0.5 * self._shifts**2
