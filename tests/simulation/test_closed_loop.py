@@ -25,6 +25,7 @@ def loop(made, specs, *, guarded, world=None, seconds=8.0, **changes):
     return ClosedLoop(scenario, specs, guarded=guarded, simulated=simulated)
 
 
+@pytest.mark.slow
 def test_without_a_lie_it_keeps_its_lane_and_belie_is_silent(made):
     outcome = loop(made, [], guarded=True).run()
     assert outcome.safe
@@ -49,6 +50,7 @@ def test_a_lie_steers_it_off_and_an_alert_saves_it(made):
     assert saved.to_json()["safe"] is True
 
 
+@pytest.mark.slow
 def test_it_hits_what_stands_in_its_way_and_stops_for_what_it_sees(made):
     blind = {**SENSORS, "object_detector": {"rate_hz": 0}}
     world = made.make_world(made.make_actor(9, 45.0, 0.0))

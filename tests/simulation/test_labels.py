@@ -17,6 +17,7 @@ def _labelled(scene, t_s, manoeuvre="straight"):
     return rendered, object_labels(seen, rendered, model, t_s, seen.ego.T_world_body(t_s))
 
 
+@pytest.mark.slow
 @needs_egl
 @pytest.mark.parametrize("scene", ["street", "patch", "corridor"])
 def test_boxes_match_the_ids(scene):

@@ -33,6 +33,7 @@ def test_same_seed_same_pixels_whatever_came_before():
     assert not np.array_equal(first[2].bgr, other[0].bgr)
 
 
+@pytest.mark.slow
 @needs_egl
 @pytest.mark.parametrize("scene", _SCENES)
 def test_every_weather_renders(scene):
@@ -42,6 +43,7 @@ def test_every_weather_renders(scene):
         assert rendered.gray.std() > 2.0, name
 
 
+@pytest.mark.slow
 @needs_egl
 @pytest.mark.parametrize("scene", _SCENES)
 def test_depth_and_pose_reproduce_the_next_image(scene):
@@ -67,6 +69,7 @@ def test_depth_and_pose_reproduce_the_next_image(scene):
     assert np.median(error) <= 3.0
 
 
+@pytest.mark.slow
 @needs_egl
 @pytest.mark.parametrize("scene", _SCENES)
 def test_tracks_triangulated_with_true_poses_reproject(scene):
@@ -109,6 +112,7 @@ def _midpoint_depth(rays_a, rays_b, T_b_a):
     return (ab * bt - bb * at) / np.maximum(aa * bb - ab * ab, 1e-12)
 
 
+@pytest.mark.slow
 @needs_egl
 def test_a_lens_bends_the_picture_as_the_camera_model_says():
     lens = camera(model="radial_tangential", distortion=(-0.2, 0.05, 0.001, -0.001))
@@ -124,6 +128,7 @@ def test_a_lens_bends_the_picture_as_the_camera_model_says():
     assert np.mean(np.abs(ratio - 1.0) < 0.05) > 0.85
 
 
+@pytest.mark.slow
 @needs_egl
 def test_rolling_shutter_shifts_rows_by_their_time():
     """A row that is exposed later shows the world as it is then."""
