@@ -147,6 +147,8 @@ def actor_silhouette(
             continue
         T = T_cam_obj.matrix() @ T_obj_part
         for mesh in part.meshes:
+            if mesh.material.is_decal:  # its darkness on the ground is none of it
+                continue
             points = mesh.points @ T[:3, :3].T + T[:3, 3]
             corners = points[mesh.triangles]
             corners = corners[(corners[:, :, 2] > _NEAR_M).all(axis=1)]

@@ -70,6 +70,11 @@ def decal(image_of: object, *arguments: object) -> Material:
     return surface(image_of, *arguments, is_decal=True, is_ground=True)
 
 
+def blob() -> Material:
+    """The darkness below a body; wet or dry."""
+    return surface(ground.blob, is_decal=True)
+
+
 def leaves(seed: int) -> Material:
     """Sprays of leaves."""
     return surface(plants.leaves, seed, is_cutout=True, is_double_sided=True)

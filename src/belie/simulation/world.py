@@ -166,8 +166,6 @@ class Actor:
         Its lights.
     is_patched : bool
         Whether it bears an adversarial patch.
-    casts_blob : bool
-        Whether it stands on the ground and darkens it.
     """
 
     id: int
@@ -178,7 +176,6 @@ class Actor:
     base_m: float = 0.0
     glows: tuple[Glow, ...] = ()
     is_patched: bool = False
-    casts_blob: bool = True
 
     def __post_init__(self) -> None:
         if self.id < 1:

@@ -204,6 +204,11 @@ class Builder:
             seen,
         )
 
+    def contact(self, material: Material, size: tuple[float, float]) -> None:
+        """Add the darkness below a body of a length and width that stands on the origin."""
+        x, y, z = 0.5 * size[0], 0.5 * size[1], 0.02
+        self.quad(material, [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]])
+
     def meshes(self) -> tuple[Mesh, ...]:
         """One mesh for each material."""
         return tuple(_joined(material, entries) for material, entries in self._faces.items())

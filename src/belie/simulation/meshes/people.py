@@ -56,6 +56,7 @@ def person_parts(seed: int) -> tuple[Part, ...]:
     if rng.random() < 0.5:  # a rucksack
         r, g, b = (float(v) for v in rng.uniform(0.1, 0.6, 3))
         trunk.box(cloth, (-0.19, 0.0, 1.22), (0.16, 0.28, 0.42), (r, g, b))
+    trunk.contact(materials.blob(), (0.75, 0.65))
     parts = [Part(meshes=trunk.meshes())]
     for side in (-1.0, 1.0):
         leg, arm = Builder(), Builder()

@@ -155,6 +155,7 @@ def vehicle_parts(kind: str, paint: Colour, number: int, *, rolls: bool = True) 
     _sheet_metal(builder, kind, body, paint)
     _glass(builder, body)
     _fittings(builder, kind, body, number)
+    builder.contact(materials.blob(), (1.04 * body.length_m + 0.3, body.dimensions_m[1] + 0.5))
     places = [(x, side * (body.sections[1][1] - 0.02), side) for x in body.wheels_x for side in (-1.0, 1.0)]
     if not rolls:
         for x, y, side in places:

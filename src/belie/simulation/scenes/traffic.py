@@ -65,7 +65,6 @@ class Cast:
             motion=Parked(T=T),
             parts=sign_parts(kind, patched=patched),
             is_patched=patched,
-            casts_blob=False,
         )
 
     def traffic_light(self, T: SE3, cycle: tuple[tuple[str, tuple[float, float]], ...]) -> None:
@@ -76,7 +75,6 @@ class Cast:
             dimensions_m=LIGHT_DIMENSIONS_M,
             motion=Parked(T=T),
             parts=parts,
-            casts_blob=False,
         )
 
     def _add(self, **values: object) -> None:

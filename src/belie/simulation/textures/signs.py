@@ -50,7 +50,7 @@ def board(words: str) -> Rgba:
     image = np.zeros((128, 256, 3), np.float32)
     image[:] = _BLUE
     cv2.rectangle(image, (5, 5), (250, 122), _WHITE, 4, cv2.LINE_AA)
-    text(image, words, (128, 64), min(60.0, 320.0 / len(words)), _WHITE)
+    text(image, words, (128, 64), min(56.0, 262.0 / len(words)), _WHITE)
     return rgba(image)
 
 
