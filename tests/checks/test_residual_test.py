@@ -78,3 +78,11 @@ def test_floor_is_what_is_found():
     lie = 1.2 * float(test.floor()[0])
     found = feed(test, rng.normal(lie, 0.01, 15), 300)
     assert any(found)
+
+
+@pytest.mark.parametrize("onset", [20, 22, 24, 28])
+def test_a_lie_right_after_learning_is_one_lie(onset):
+    rng, test = np.random.default_rng(5), make_test()
+    feed(test, rng.normal(0, 0.01, onset))
+    found = feed(test, rng.normal(0.1, 0.01, 100), onset)
+    assert all(found[found.index(True) :])

@@ -112,17 +112,18 @@ class ImuCheck:
         """Compare the integrated rotation of the camera ``R_prev_cur``, shape (3, 3), with the visual one."""
         self.evidence = None
         interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
+        s, R = self.settings, estimate.T_prev_cur.R
+        if estimate.inliers > 0 and interval_s > 0.0:
+            keep, drive = np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
+            keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
+                R, interval_s, s.correction_gain, s.correction_s
+            )
+            self.test.errors.predict(interval_s, keep, drive)
         if R_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:
             reason = (
                 estimate.reason if estimate.inliers == 0 and estimate.reason else "no samples for this frame"
             )
             return self._answer(Status.UNDECIDED, reason, None)
-        s, R = self.settings, estimate.T_prev_cur.R
-        keep, drive = np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
-        keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
-            R, interval_s, s.correction_gain, s.correction_s
-        )
-        self.test.errors.predict(interval_s, keep, drive)
         omega = so3_log(R)  # the seen one: a lie must not widen its own margin
         H = np.zeros((3, _PARAMETERS))
         H[:, _MOUNT] = R.T - np.eye(3)

@@ -35,8 +35,8 @@ class NoiseScaleSettings(Settings):
     )  # fmt: skip
     recent_frames: int = Field(
         12, ge=5,
-        description="believed frames that suffice to see that the noise has fallen again, after a start-up, a turn "
-        "or a lie, and frames that show that it has risen [count]",
+        description="believed frames that suffice to see that noise has fallen after a start-up, while the memory is "
+        "not full, and frames whose differences show that it has risen [count]",
     )  # fmt: skip
     recent_caution: float = Field(
         1.4, ge=1.0,
@@ -44,13 +44,12 @@ class NoiseScaleSettings(Settings):
     )  # fmt: skip
     waiting_frames: int = Field(
         8, ge=0,
-        description="believed frames that wait before they are learned from [count]: a lie that is found within them "
-        "never becomes noise",
+        description="believed frames that wait before they are learned from, once the noise is known [count]: a lie "
+        "that is found within them never becomes noise",
     )  # fmt: skip
     prior_frames: int = Field(
         10, ge=1,
-        description="frames of evidence that the prior scale is worth [count]: caution, not only at the start; it "
-        "lets the scale rise at once when residuals grow for another reason than a lie",
+        description="frames of evidence that the prior scale is worth [count]: caution, not only at the start",
     )  # fmt: skip
     prior_scale: float = Field(
         3.0, gt=0.0, description="noise expected before any was seen, in units of the noise model [1]"
@@ -125,7 +124,7 @@ class NoiseScale:
     @property
     def missing_frames(self) -> int:
         """How many believed frames are missing before the scale is known well enough."""
-        return max(0, self._settings.learning_frames - len(self._seen) - len(self._waiting))
+        return max(0, self._settings.learning_frames - len(self._seen))
 
     def learn(
         self,
@@ -160,17 +159,18 @@ class NoiseScale:
         centred = seen - self._offset
         caution = 1.0 + _QUANTILE_ERROR / math.sqrt(len(seen))
         one_sigma = caution * _quantile(np.concatenate([np.abs(centred), self._prior]))
-        latest = centred * np.array(self._settled)
+        latest, settled = centred, np.array(self._settled)
         if len(seen) < self._settings.memory_frames:
             # The start must not count for long: a filter that starts up is noisier, and errs one way for seconds.
             recent = np.abs(centred[-self._settings.recent_frames :])
             if len(recent) == self._settings.recent_frames:
                 one_sigma = np.minimum(one_sigma, self._settings.recent_caution * _quantile(recent))
-            latest = latest[-2 * self._settings.recent_frames :]
+            window = slice(-2 * self._settings.recent_frames, None)
+            latest, settled = latest[window], settled[window]
         self._learned = np.maximum(one_sigma, self._settings.least_scale)
         # relative to the variance that the tests assume: a small correlated part of a large one does no harm
         share = _quantile(np.abs(latest)) / self._learned
-        self._correlation = _sign_correlation(latest) * np.minimum(share, 1.0) ** 2
+        self._correlation = _sign_correlation(latest, settled) * np.minimum(share, 1.0) ** 2
 
     def _see_difference(self, x: FloatArray) -> None:
         """Note how far the residual has moved; one frame counts for no more than four standard deviations."""
@@ -183,8 +183,12 @@ class NoiseScale:
         """Scale from successive differences (von Neumann 1941): a steady lie leaves them as they were."""
         if len(self._differences) < self._settings.recent_frames:
             return np.zeros(len(self._value))
-        mean = np.nan_to_num(np.array(self._differences)).mean(axis=0)
-        return np.asarray(mean / (_MEAN_SIZE * np.sqrt(2.0 * (1.0 - np.minimum(self._correlation, 0.5)))))
+        differences = np.array(self._differences)
+        known = np.isfinite(differences)
+        count = known.sum(axis=0)
+        mean = np.where(known, differences, 0.0).sum(axis=0) / np.maximum(count, 1)
+        rough = mean / (_MEAN_SIZE * np.sqrt(2.0 * (1.0 - np.minimum(self._correlation, 0.5))))
+        return np.asarray(np.where(2 * count >= self._settings.recent_frames, rough, 0.0))
 
     def _unknown(self) -> FloatArray:
         """What to learn for a component that was not tested: noise as large as the prior's.
@@ -202,16 +206,16 @@ def _quantile(sizes: FloatArray, share: float = _ONE_SIGMA) -> FloatArray:
     return np.asarray(np.partition(sizes, k, axis=0)[k])
 
 
-def _sign_correlation(x: FloatArray) -> FloatArray:
-    """Lag-one correlation of each column, shrunk towards zero as James and Stein (1961) do.
+def _sign_correlation(x: FloatArray, settled: npt.NDArray[np.bool_]) -> FloatArray:
+    """Lag-one correlation of each column over settled pairs, shrunk towards zero as James and Stein (1961) do.
 
     A negative one is as real: where each claimed position has an error of its own, consecutive steps share it with
     opposite signs.
     """
-    n = len(x)
-    if n < 8:
-        return np.zeros(x.shape[1])
+    pairs = settled[1:] & settled[:-1]
+    n = pairs.sum(axis=0)
     signs = np.sign(x)
-    phi = np.sin(0.5 * np.pi * np.mean(signs[1:] * signs[:-1], axis=0))
+    agreement = (signs[1:] * signs[:-1] * pairs).sum(axis=0) / np.maximum(n, 1)
+    phi = np.sin(0.5 * np.pi * agreement)
     shrunk = phi * np.maximum(1.0 - 1.0 / np.maximum(n * phi**2, 1e-9), 0.0)
-    return np.asarray(np.clip(shrunk, -0.6, 0.9))
+    return np.asarray(np.where(n >= 8, np.clip(shrunk, -0.6, 0.9), 0.0))

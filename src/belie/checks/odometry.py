@@ -6,7 +6,8 @@ Compared are two motions between the same two images, the claimed one and the vi
 
 with both covariances. A single camera does not see the scale e^s: it is learned from the claim while the claim is
 believed, so a *change* of scale is tested and an absolute one is not. Systematic errors that are estimated beside:
-rotation and lever arm of the camera's mount, and a gain of the visual rotation (an error of the focal length).
+rotation and lever arm of the camera's mount, a gain of the visual rotation (an error of the focal length), and the
+slow corrections of the heading that follow a turn.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from belie.types import CheckResult, Settings, Status, VisualEstimate
 
 _MOUNT, _LEVER, _GAIN, _SCALE, _CORRECTION = slice(0, 3), slice(3, 6), 6, 7, slice(8, 11)
 _PARAMETERS = 11
+_DIRECTED = 5.0  # standard errors
 _COMPONENTS = (
     "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
     "pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)",
@@ -147,17 +149,20 @@ class OdometryCheck:
         """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
         self.evidence = None
         interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
+        if estimate.inliers > 0 and interval_s > 0.0:
+            self._predict(estimate, interval_s)
         if T_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:
             reason = (
                 estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
             )
             return self._undecided(reason)
-        self._predict(estimate, interval_s)
         translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
         r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
-        tested = np.array([translates] * 3 + [True] * 3 + [translates])
         # A change of scale shows along the motion, which is seldom an axis of the camera.
         length = float(np.linalg.norm(estimate.T_prev_cur.t))
+        # Where it is no longer than its error, its direction is noise, and the difference is always negative along it.
+        directed = length > _DIRECTED * math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
+        tested = np.array([translates] * 3 + [True] * 3 + [translates and directed])
         along = np.zeros((1, 6))
         along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
         evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s, tested, along)
@@ -196,7 +201,7 @@ class OdometryCheck:
     def _residual(
         self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, translates: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """R (6,), H (6, 8) and the noise (6, 6) of the comparison; see the module's formulas."""
+        """R (6,), H (6, 11) and the noise (6, 6) of the comparison; see the module's formulas."""
         s = self.settings
         R = estimate.T_prev_cur.R
         omega = so3_log(R)  # the seen one: a lie must not widen its own margin

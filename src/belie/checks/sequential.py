@@ -121,11 +121,13 @@ class CusumBank:
 
     def __init__(self, components: int, settings: SequentialSettings, tests: int = 1) -> None:
         self._settings = settings
-        self._shifts = np.array(settings.shifts_sigma)
+        self._shifts = np.sort(np.array(settings.shifts_sigma))
         self._share = 2 * components * len(self._shifts) * tests
         self._sums = np.zeros((components, 2, len(self._shifts)))
         self._since_ns = np.zeros((components, 2, len(self._shifts)), dtype=np.int64)
         self._thresholds = np.full(len(self._shifts), np.inf)
+        # Middling shifts date a jump: small ones run for seconds, the largest forgets the first frame.
+        self._dating = int(np.argmin(np.abs(self._shifts - settings.clip_sigma)))
         self._interval_s = 0.0
         self._last_over_ns: int | None = None
         self._accusation: Evidence | None = None
@@ -190,7 +192,7 @@ class CusumBank:
         if is_jump and worst <= 1.0:
             evidence = Evidence(
                 contradicted=True, statistic=jump, threshold=s.jump_sigma**2, unit="chi2",
-                component=largest, onset_ns=int(self._since_ns[largest, 0 if x[largest] > 0.0 else 1, -1]),
+                component=largest, onset_ns=int(self._since_ns[largest, 0 if x[largest] > 0.0 else 1, self._dating]),
             )  # fmt: skip
         if over and not held_before:
             self._accusation = evidence
