@@ -34,6 +34,7 @@ def test_without_a_lie_it_keeps_its_lane_and_belie_is_silent(made):
     assert outcome.driven_s == pytest.approx(7.9)
 
 
+@pytest.mark.slow
 def test_a_lie_steers_it_off_and_an_alert_saves_it(made):
     without = loop(made, [PULL], guarded=False)
     steps = list(without.steps())

@@ -33,6 +33,7 @@ def test_boxes_match_the_ids(scene):
             assert np.abs(seen - label.box_px).max() < 2.0
 
 
+@pytest.mark.slow
 @needs_egl
 def test_depth_at_an_object_is_its_distance():
     rendered, labels = _labelled("street", 0.6)

@@ -33,6 +33,7 @@ def test_path_refuses_too_few_points():
         Path(np.zeros((3, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [street, corridor, flight, patch])
 def test_ego_is_smooth_enough_for_an_imu(scene):
     """Twist integrates to the pose, and acceleration does not jump."""

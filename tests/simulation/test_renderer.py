@@ -144,6 +144,7 @@ def test_rolling_shutter_shifts_rows_by_their_time():
     )
 
 
+@pytest.mark.slow
 @needs_egl
 def test_another_pose_may_be_asked_for():
     seen = world("street")

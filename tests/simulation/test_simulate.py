@@ -44,6 +44,7 @@ def test_every_sensor_speaks_at_its_rate(made):
         assert max(stamps["/imu/data"]) == step.frame.stamp_ns
 
 
+@pytest.mark.slow
 def test_the_same_again_and_another_seed_is_another(made):
     def first(recording):
         step = next(recording.steps())
