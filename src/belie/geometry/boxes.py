@@ -16,6 +16,7 @@ from belie.geometry.se3 import SE3, FloatArray
 
 _NEAR_M = 0.1
 _LARGEST_RADIUS2 = 5  # its place in `flat_camera`: the squared radius beyond which nothing is in view
+_SAMPLES = 9  # along an edge: through a lens its middle may reach further out than its ends
 _CORNERS = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 _EDGES = np.array([(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1])
 
@@ -99,7 +100,7 @@ def projected_box_px(solid: Solid, model: CameraModel) -> FloatArray | None:
     corners = _corners(solid)
     if corners is None:
         return None
-    visible = _in_front(corners)
+    visible = _in_front(corners, _SAMPLES if model.is_distorted else 2)
     if not len(visible):
         return None
     normalized = visible[:, :2] / visible[:, 2:]
@@ -125,10 +126,11 @@ def _corners(solid: Solid) -> FloatArray | None:
     return np.asarray(solid.position_m + _CORNERS * (across_m, dimensions_m[2], across_m))
 
 
-def _in_front(corners: FloatArray) -> FloatArray:
-    """The corners before the near plane, and where edges cross it, shape (N, 3)."""
+def _in_front(corners: FloatArray, samples: int) -> FloatArray:
+    """Points along the edges before the near plane, and where edges cross it, shape (N, 3)."""
     a, b = corners[_EDGES[:, 0]], corners[_EDGES[:, 1]]
+    along = (a + np.linspace(0.0, 1.0, samples)[:, None, None] * (b - a)).reshape(-1, 3)
     crosses = (a[:, 2] < _NEAR_M) != (b[:, 2] < _NEAR_M)
     a, b = a[crosses], b[crosses]
     share = (_NEAR_M - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
-    return np.concatenate([corners[corners[:, 2] >= _NEAR_M], a + share * (b - a)])
+    return np.concatenate([along[along[:, 2] >= _NEAR_M], a + share * (b - a)])
