@@ -14,6 +14,7 @@ from belie.cli.options import (
     CameraInfo,
     ConfigFile,
     Detections,
+    DetectorLabels,
     FalseAlarms,
     Image,
     Imu,
@@ -65,6 +66,7 @@ def check(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector_labels: DetectorLabels = None,
     rate: Rate = None,
 ) -> None:
     """Check the claims in a recording against its camera, frame by frame.
@@ -101,6 +103,7 @@ def check(
         position=position,
         imu=imu,
         detections=detections,
+        detection_names=detector_labels,
         rate_hz=rate,
     )
     if report is not None:

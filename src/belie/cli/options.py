@@ -35,7 +35,20 @@ Position = Annotated[
 Imu = Annotated[str | None, typer.Option("--imu", metavar="TOPIC", help="IMU topic; 'none' leaves it out.")]
 Detections = Annotated[
     str | None,
-    typer.Option("--detections", metavar="TOPIC", help="Object detections; 'none' leaves them out."),
+    typer.Option(
+        "--detections",
+        metavar="TOPIC|FILE",
+        help="Object detections: a topic, or a file of KITTI tracking labels, MOT text or CSV (frame,track_id,label,"
+        "score,left,top,right,bottom); 'none' leaves them out.",
+    ),
+]
+DetectorLabels = Annotated[
+    Path | None,
+    typer.Option(
+        "--detector-labels",
+        metavar="names.txt",
+        help="Names of the detector's classes (or MOT's), one a line.",
+    ),
 ]
 Rate = Annotated[
     float | None,
