@@ -50,6 +50,17 @@ DetectorLabels = Annotated[
         help="Names of the detector's classes (or MOT's), one a line.",
     ),
 ]
+DetectorModel = Annotated[
+    Path | None,
+    typer.Option(
+        "--detector",
+        metavar="model.onnx",
+        help="Run a detector on the images, too: an ONNX model in YOLO's output layout (extra 'onnx').",
+    ),
+]
+DetectorThreads = Annotated[
+    int, typer.Option("--detector-threads", metavar="N", help="Threads that the detector may take.", min=1)
+]
 Rate = Annotated[
     float | None,
     typer.Option("--rate", metavar="HZ", help="Frame rate of a folder or video, instead of its own times."),
