@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 from belie.cli.errors import keep_apart
-from belie.cli.options import CameraInfo, Detections, Image, Imu, Odometry, Position, Rate, Source
+from belie.cli.options import (
+    CameraInfo,
+    Detections,
+    DetectorLabels,
+    Image,
+    Imu,
+    Odometry,
+    Position,
+    Rate,
+    Source,
+)
+
+if TYPE_CHECKING:
+    from belie.types import Step
 
 
 class Encoding(StrEnum):
@@ -53,6 +68,7 @@ def attack(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector_labels: DetectorLabels = None,
     rate: Rate = None,
 ) -> None:
     """Write an attacked copy of a recording (ROS 2 MCAP), with labels of what lies and when.
@@ -82,6 +98,7 @@ def attack(
         position=position,
         imu=imu,
         detections=detections,
+        detection_names=detector_labels,
         rate_hz=rate,
     )
     attacked = attacked_by(recording, specs)
@@ -93,7 +110,7 @@ def attack(
         with progress(f"writing {output.name}", frame_count(recording)) as advance:
             write_mcap(
                 partial,
-                attacked.steps(),
+                _fit_for_messages(attacked.steps()),
                 cameras=recording.cameras,
                 body_axes=recording.body_axes,
                 image_encoding=encoding.value,
@@ -111,6 +128,28 @@ def attack(
             f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s, frame {label.start_frame}"
         )
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
+
+
+def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:
+    """The steps as ROS messages can hold them; what they cannot is told once."""
+    from dataclasses import replace
+
+    from belie.recordings.vision_messages import without_sizes_of_boxed
+    from belie.types import DetectionClaim
+
+    is_told = False
+    for step in steps:
+        claims = tuple(
+            without_sizes_of_boxed(claim) if isinstance(claim, DetectionClaim) else claim
+            for claim in step.claims
+        )
+        if claims != step.claims and not is_told:
+            print(
+                "dimensions of objects with image boxes are left out: vision_msgs holds the one or the other",
+                file=sys.stderr,
+            )
+            is_told = True
+        yield replace(step, claims=claims)
 
 
 def _require_free(source: Path, output: Path, sidecar: Path, *, force: bool) -> None:
