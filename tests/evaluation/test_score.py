@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest, poisson
 
 from belie.attacks import AttackLabel
-from belie.evaluation.score import Score, poisson_upper, pool_scores, score, wilson_interval
+from belie.evaluation.intervals import poisson_upper, wilson_interval
+from belie.evaluation.score import Score, pool_scores, score
 from belie.types import Alert, AlertType, Status, Verdict
 
 FRAME_NS = 100_000_000

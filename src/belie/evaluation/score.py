@@ -1,19 +1,14 @@
-"""Verdicts against labels: what was caught, how fast, and what was accused wrongly.
-
-Intervals: Wilson (1927) for success rates; Garwood (1936) for the rate of false alerts, a Poisson count.
-"""
+"""Verdicts against labels: what was caught, how fast, and what was accused wrongly."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import Any
 
-from scipy.stats import chi2
-
 from belie.attacks import AttackLabel
+from belie.evaluation.intervals import poisson_upper, wilson_interval
 from belie.types import Alert, AlertType, Verdict
 
 NS_PER_S = 1_000_000_000
@@ -25,36 +20,6 @@ ALSO_RIGHT: dict[str, tuple[AlertType, ...]] = {
     "detections-shrink": (AlertType.OBSTACLE_INJECTION,),
     "detections-delay": (AlertType.OBSTACLE_INJECTION,),
 }
-
-
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float] | None:
-    """Two-sided interval of a success rate; None without trials.
-
-    >>> low, high = wilson_interval(20, 20)
-    >>> round(low, 3), high
-    (0.839, 1.0)
-    """
-    if not 0 <= successes <= trials:
-        raise ValueError(f"{successes} successes in {trials} trials")
-    if trials == 0:
-        return None
-    z2 = NormalDist().inv_cdf(0.5 + confidence / 2.0) ** 2
-    rate = successes / trials
-    centre = (rate + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = math.sqrt(z2 * (rate * (1 - rate) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
-    # Rounding must not exclude what was observed.
-    return max(0.0, min(rate, centre - half)), min(1.0, max(rate, centre + half))
-
-
-def poisson_upper(count: int, confidence: float = 0.95) -> float:
-    """One-sided upper bound of a Poisson mean of which `count` events were seen (Garwood).
-
-    >>> round(poisson_upper(0), 3)
-    2.996
-    """
-    if count < 0:
-        raise ValueError(f"a count is not negative, got {count}")
-    return float(chi2.ppf(confidence, 2 * (count + 1)) / 2.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
