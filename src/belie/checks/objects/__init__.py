@@ -1,0 +1,7 @@
+"""Checks of object detections, section III-C: hiding, misclassification, injection."""
+
+from belie.checks.objects.class_groups import ClassGroups
+from belie.checks.objects.habits import Counts, Habit, RunTest, run_threshold
+from belie.checks.objects.settings import ObjectSettings
+
+__all__ = ["ClassGroups", "Counts", "Habit", "ObjectSettings", "RunTest", "run_threshold"]
