@@ -22,7 +22,7 @@ from belie.detector import Config
 from belie.detector.alerts import AlertBook
 from belie.detector.objects import ObjectStage
 from belie.evaluation.score import wilson_interval
-from belie.types import Alert, AlertType, Status
+from belie.types import Alert, Status
 
 WITHIN = 5
 LENGTHS = (5, 10, 20)
@@ -64,7 +64,7 @@ def alerts_of(recording: MemoryRecording) -> tuple[list[tuple[int, Alert]], Coun
 def onsets_of(images: AnnotatedImages, track_id: str, count: int, length: int) -> list[int]:
     """Frames at which an object may be attacked: it is visible and large for `length` frames, and was for four."""
     good = []
-    for k, objects in enumerate(images.objects):
+    for objects in images.objects:
         o = next((o for o in objects if o.track_id == track_id), None)
         good.append(
             o is not None and o.occluded <= 0.3 and o.truncated <= 0.15

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,7 +45,7 @@ class ObjectTrack:
     )  # detections ridden
     detections: int = 0
     weight: float = 0.0  # of all detections
-    votes: Counter[str] = field(default_factory=Counter)  # weight by group of labels
+    votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
     growth: float = 1.0
     shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
     corners_then: int = 0  # when it was last detected
@@ -85,7 +85,7 @@ class ObjectTrack:
     @property
     def group(self) -> str:
         """What it is: the group of labels that most detections, by weight, gave it."""
-        return self.votes.most_common(1)[0][0] if self.votes else ""
+        return max(self.votes, key=lambda group: self.votes[group], default="")
 
     @property
     def proven(self) -> int:

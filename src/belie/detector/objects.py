@@ -1,4 +1,4 @@
-"""Section III-C, conducted: every detected object is followed by its own pixels, and its detections held against them."""
+"""Section III-C, conducted: every object is followed by its own pixels, and its detections held against them."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class ObjectStream:
         swapped = known and another is not None and _apart(track.box_px, another.box_px)
         weight = _weight(detection.score)
         vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
-        misnamed = known and group != track.group and track.votes[track.group] >= _LEAST_VOTE
+        misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right()
         if (misnamed or swapped) and not fair:
             track.called = detection.label if misnamed else f"id {detection.track_id}"
@@ -149,7 +149,7 @@ class ObjectStream:
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
         if not track.naming.accused:  # never learn from what was accused
-            track.votes[group] += vote
+            track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += weight
         track.detect(box, stamp_ns, current.size)
@@ -170,7 +170,7 @@ class ObjectStream:
         )
         weight = _weight(detection.score)
         track.weight = weight
-        track.votes[self.settings.classes.of(detection.label)] += weight * min(
+        track.votes[self.settings.classes.of(detection.label)] = weight * min(
             1.0, 0.5 * _side(box) / _HALF_SIGHT_PX
         )
         track.detect(box, stamp_ns, current.size)

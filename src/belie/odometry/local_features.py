@@ -139,9 +139,8 @@ def local_corners(
             picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3]
         )
         if found:
-            px = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2) + np.float32(
-                [x0 - 3, y0 - 3]
-            )
+            px = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2)
+            px += np.array([x0 - 3, y0 - 3], np.float32)
         if len(px) >= wanted:
             break
     inside = (px[:, 0] >= x0) & (px[:, 0] <= x1) & (px[:, 1] >= y0) & (px[:, 1] <= y1)
