@@ -12,6 +12,7 @@ import multiprocessing
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -21,13 +22,23 @@ from belie.attacks import attack
 from belie.detector import Config
 from belie.detector.alerts import AlertBook
 from belie.detector.objects import ObjectStage
+from belie.detector.scene_witness import Scene
 from belie.evaluation.score import wilson_interval
-from belie.types import Alert, Status
+from belie.odometry import VisualOdometry
+from belie.types import Alert, AlertType, Status, VisualEstimate
 
 WITHIN = 5
 LENGTHS = (5, 10, 20)
 LEAST_PX = 24.0
 RENAMED = ("bird", "person")
+# On the empty road ahead, and on the house fronts left and right; px, as they lie in frames 0 to 110 of kitti00.
+PHANTOMS = {
+    "kitti00": {
+        "on the road": (560, 215, 110, 80),
+        "on the left wall": (150, 60, 90, 70),
+        "on the right wall": (900, 50, 90, 80),
+    }
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +53,14 @@ class Trial:
     statuses: tuple[str, ...]
 
 
+@cache
+def sights(name: str) -> list[tuple[VisualEstimate, Scene]]:
+    """What the camera saw of its own motion in every frame; no attack on detections changes it."""
+    images, config = annotated(name), Config()
+    odometry = VisualOdometry(images.camera.model, config.visual_odometry, config.tracking)
+    return [(odometry.update(frame), odometry.scene()) for frame in images.frames]
+
+
 def alerts_of(recording: MemoryRecording) -> tuple[list[tuple[int, Alert]], Counter[str]]:
     """Every alert with the frame in which it was raised, and the answers by status."""
     config = Config()
@@ -50,9 +69,10 @@ def alerts_of(recording: MemoryRecording) -> tuple[list[tuple[int, Alert]], Coun
         camera.model, config.objects, config.tracking, config.sequential.false_alarms_per_hour
     )
     book, raised, statuses = AlertBook(), [], Counter[str]()
+    seen = sights(recording.name)
     for index, step in enumerate(recording.steps()):
         stage.take(step.claims, step.frame.stamp_ns)
-        judgements = stage.update(step.frame)
+        judgements = stage.update(step.frame, *seen[index])
         for judgement in judgements:
             r = judgement.result
             reason = f" {r.reason.split(':')[-1][:40]}" if r.status is Status.UNDECIDED else ""
@@ -82,21 +102,27 @@ def specs_of(images: AnnotatedImages, onsets: int) -> list[tuple[str, str]]:
     labels = {o.track_id: o.label for objects in images.objects for o in objects}
     specs = []
     for track_id in ids:
-        for length in LENGTHS:
-            for k in onsets_of(images, track_id, onsets, length):
-                specs.append(
-                    (f"hide {length}", f"detections-hide:object={track_id},start={k},stop={k + length}")
+        specs += [
+            (f"hide {length}", f"detections-hide:object={track_id},start={k},stop={k + length}")
+            for length in LENGTHS
+            for k in onsets_of(images, track_id, onsets, length)
+        ]
+        specs += [
+            (f"relabel {name}", f"detections-relabel:object={track_id},to={name},start={k},stop={k + 10}")
+            for name in RENAMED
+            if not (labels[track_id] in ("person", "pedestrian") and name == "person")
+            for k in onsets_of(images, track_id, onsets, 10)
+        ]
+    for place, (x, y, w, h) in PHANTOMS.get(images.name, {}).items():
+        box = f"x={x},y={y},w={w},h={h}"
+        for label in ("car", "person"):
+            specs += [
+                (
+                    f"phantom {label} {place}",
+                    f"detections-phantom:label={label},{box},start={k},stop={k + 10}",
                 )
-        for name in RENAMED:
-            if labels[track_id] in ("person", "pedestrian") and name == "person":
-                continue
-            for k in onsets_of(images, track_id, onsets, 10):
-                specs.append(
-                    (
-                        f"relabel {name}",
-                        f"detections-relabel:object={track_id},to={name},start={k},stop={k + 10}",
-                    )
-                )
+                for k in np.linspace(6, len(images.frames) - 90, 2 * onsets).astype(int)
+            ]
     return specs
 
 
@@ -125,8 +151,15 @@ def run(job: tuple[str, str, str, int]) -> Trial:
 def honest(job: tuple[str, int]) -> tuple[str, int, list[str], Counter[str]]:
     """An unattacked run: its alerts, all false."""
     name, seed = job
-    raised, statuses = alerts_of(detected(annotated(name), seed))
-    told = [f"{name}, seed {seed}, frame {i}: {a.type.value} of {a.object}" for i, a in raised]
+    images = annotated(name)
+    raised, statuses = alerts_of(detected(images, seed))
+    last = {o.track_id: k for k, objects in enumerate(images.objects) for o in objects}
+    told = [
+        f"{name}, seed {seed}, frame {i}: {a.type.value} of {a.object}"
+        for i, a in raised
+        # An annotation that ends while the object stands in full view is no honest detector's silence.
+        if not (a.type is AlertType.OBSTACLE_HIDING and i - 8 <= last.get(a.object or "", -99) < i)
+    ]
     return name, len(annotated(name).frames), told, statuses
 
 
@@ -145,6 +178,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for family, spec in specs_of(annotated(name), chosen.onsets)
         for seed in chosen.seeds
     ]
+    for name in chosen.recordings:
+        sights(name)  # before the fork: once for all
     with multiprocessing.get_context("fork").Pool(2) as pool:
         clean = pool.map(honest, [(n, s) for n in chosen.recordings for s in range(chosen.honest_seeds)])
         trials = pool.map(run, jobs, chunksize=4)

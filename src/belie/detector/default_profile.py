@@ -91,7 +91,9 @@ class DefaultProfile:
             judgements += [
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
             ]
-        judgements += self._objects.update(frame, doubted=self._why_objects_wait(unusable, seen))
+        judgements += self._objects.update(
+            frame, estimate, self._odometry.scene(), doubted=self._why_objects_wait(unusable, seen)
+        )
         self._last_ns = frame.stamp_ns
         pose = self._streams.odometry_pose(frame.stamp_ns)
         self.T_odom_cam_claimed = None if pose is None else pose @ self._camera.T_body_cam

@@ -43,6 +43,12 @@ class ObjectTrack:
     ages: npt.NDArray[np.int64] = field(
         default_factory=lambda: np.empty(0, dtype=np.int64)
     )  # detections ridden
+    births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
+    born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
+    phantom: float = 0.0  # evidence that the box shows the background, nats
+    phantom_since_ns: int = 0
+    is_phantom: bool = False
+    phantom_why: str = "not yet seen from two places"
     detections: int = 0
     weight: float = 0.0  # of all detections
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
@@ -72,7 +78,8 @@ class ObjectTrack:
             self.shift_px = motion.shift_px
         self.box_px = motion.box_px
         self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
-        self.ages = self.ages[motion.agreeing]
+        self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
+        self.born_px = self.born_px[motion.agreeing]
         self.contrast = motion.contrast
         self.history.append((stamp_ns, self.box_px))
 
@@ -113,7 +120,7 @@ class ObjectTrack:
         self.last_seen_ns = max(self.last_seen_ns, stamp_ns)
         self.detections += 1
 
-    def renew(self, current: ImageStack, settings: ObjectSettings) -> None:
+    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
         places = self._places_of(self.corners_px)
         rides = (np.abs(places - self.places) < _RIDES).all(axis=1) & (np.abs(places - 0.5) < 0.55).all(
@@ -124,6 +131,7 @@ class ObjectTrack:
             self.places[rides],
             self.ages[rides] + 1,
         )
+        self.births, self.born_px = self.births[rides], self.born_px[rides]
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
             window = window_of(self.box_px)
@@ -133,6 +141,8 @@ class ObjectTrack:
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
+            self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
+            self.born_px = np.concatenate([self.born_px, fresh])
             if self.contrast == 0.0:
                 m = int(0.2 * min(picture.shape))
                 self.contrast = float(picture[m:-m, m:-m].std())

@@ -10,11 +10,21 @@ from belie.checks.objects import Habit, ObjectSettings, RunTest, run_threshold
 from belie.detector.alerts import Judgement
 from belie.detector.association import assign, covered, overlaps
 from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.scene_witness import Scene, SceneWitness
 from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import projected_box_px
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
-from belie.types import CheckResult, Claim, Detection, DetectionClaim, Frame, GrayImage, Status
+from belie.types import (
+    CheckResult,
+    Claim,
+    Detection,
+    DetectionClaim,
+    Frame,
+    GrayImage,
+    Status,
+    VisualEstimate,
+)
 
 _MOST_AHEAD_NS = 5_000_000_000
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
@@ -25,7 +35,9 @@ _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be w
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
-_RATE_SHARE = {"hiding": 2.0 / 3.0, "misclassification": 1.0 / 6.0, "injection": 1.0 / 6.0}
+_STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
 
 
 @dataclass(slots=True)
@@ -37,6 +49,7 @@ class ObjectStream:
     settings: ObjectSettings
     tracking: TrackingSettings
     false_alarms_per_hour: float
+    scene: SceneWitness
     tracks: list[ObjectTrack] = field(default_factory=list)
     waiting: list[DetectionClaim] = field(default_factory=list)
     last_ns: int | None = None
@@ -153,8 +166,24 @@ class ObjectStream:
             track.label = track.label if misnamed else detection.label
         track.weight += weight
         track.detect(box, stamp_ns, current.size)
-        track.renew(current, s)
+        self._look_behind(track, group, stamp_ns)
+        track.renew(current, s, self.scene.frame)
         track.cover_then = covered(box, others_px)
+
+    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
+        """Add up what speaks for a box that shows the background only."""
+        track.phantom_why = ""
+        if group not in _STANDING:
+            track.phantom_why = f"a {track.label} need not stand on the ground"
+            return
+        evidence = None if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        if evidence is None:
+            track.phantom_why = self.scene.why or "its corners cannot be told from the ground"
+            return
+        if track.phantom == 0.0:
+            track.phantom_since_ns = stamp_ns
+        track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
+        track.is_phantom = track.phantom >= self._threshold("injection") * (0.5 if track.is_phantom else 1.0)
 
     def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
         if len(self.tracks) >= self.settings.most_objects:
@@ -174,7 +203,7 @@ class ObjectStream:
             1.0, 0.5 * _side(box) / _HALF_SIGHT_PX
         )
         track.detect(box, stamp_ns, current.size)
-        track.renew(current, self.settings)
+        track.renew(current, self.settings, self.scene.frame)
         self.tracks.append(track)
 
     # -- answers -------------------------------------------------------------------------------------
@@ -185,14 +214,14 @@ class ObjectStream:
         if self.last_ns is None or frame_ns - self.last_ns > silent_ns:
             since = "yet" if self.last_ns is None else f"for {(frame_ns - self.last_ns) * 1e-9:.1f} s"
             return self.withhold(f"no message {since}")
-        return [*self._answer_hiding(size), *self._answer_naming()]
+        return [*self._answer_hiding(size), *self._answer_naming(), *self._answer_injection()]
 
     def withhold(self, reason: str) -> list[Judgement]:
-        """UNDECIDED, for both checks."""
+        """UNDECIDED, for all checks."""
         return [
             Judgement(result=CheckResult(
                 check=check, source=self.source, status=Status.UNDECIDED, unit="llr", reason=reason))
-            for check in ("hiding", "misclassification")
+            for check in ("hiding", "misclassification", "injection")
         ]  # fmt: skip
 
     def _answer_hiding(self, size: tuple[int, int]) -> list[Judgement]:
@@ -246,6 +275,29 @@ class ObjectStream:
             reason=f"{len(self.tracks)} objects keep their names",
             object=worst.name if worst and worst.naming.length else None))]  # fmt: skip
 
+    def _answer_injection(self) -> list[Judgement]:
+        threshold = self._threshold("injection")
+        accused = [
+            Judgement(onset_ns=track.phantom_since_ns, result=CheckResult(
+                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom,
+                threshold=threshold, unit="llr", object=track.name,
+                reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
+                "box lie on the ground or the wall behind it"))
+            for track in self.tracks if track.is_phantom
+        ]  # fmt: skip
+        if accused:
+            return accused
+        told = [track for track in self.tracks if track.last_seen_ns == self.last_ns]
+        unseen = [track for track in told if track.phantom_why]
+        worst = max(told, key=lambda track: track.phantom, default=None)
+        status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
+        reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
+        if status is Status.UNDECIDED:
+            reason = f"no box can be told from what is behind it: {unseen[0].phantom_why}"
+        return [Judgement(result=CheckResult(
+            check="injection", source=self.source, status=status, threshold=threshold, unit="llr",
+            statistic=worst.phantom if worst else 0.0, reason=reason))]  # fmt: skip
+
     def _floor(self, habit: Habit, threshold: float) -> str | None:
         """Shortest run that would be accused."""
         if not self.interval_s:
@@ -269,6 +321,7 @@ class ObjectStage:
         self._camera, self._settings, self._tracking = camera, settings, tracking
         self._rate = false_alarms_per_hour
         self.streams: dict[str, ObjectStream] = {}
+        self._scene = SceneWitness(camera)
         self._previous: ImageStack | None = None
         self._previous_ns = 0
 
@@ -278,20 +331,29 @@ class ObjectStage:
             if isinstance(claim, DetectionClaim) and claim.stamp_ns - now_ns < _MOST_AHEAD_NS:
                 if claim.source not in self.streams:
                     self.streams[claim.source] = ObjectStream(
-                        claim.source, self._camera, self._settings, self._tracking, self._rate
+                        claim.source, self._camera, self._settings, self._tracking, self._rate, self._scene
                     )
                 self.streams[claim.source].waiting.append(claim)
 
-    def update(self, frame: Frame, *, doubted: str = "") -> list[Judgement]:
+    def update(
+        self,
+        frame: Frame,
+        estimate: VisualEstimate | None = None,
+        scene: Scene | None = None,
+        *,
+        doubted: str = "",
+    ) -> list[Judgement]:
         """Follow all objects into a frame and judge what was told of them.
 
-        `doubted`: why the image is not fit to judge by; objects stay where they were.
+        `estimate` and `scene`: the camera's own motion since the previous frame and the depths of its corners, where
+        they are known. `doubted`: why the image is not fit to judge by; objects stay where they were.
         """
         if not self.streams:
             return []
         if doubted:
             return [j for stream in self.streams.values() for j in stream.withhold(f"not judged: {doubted}")]
         current = ImageStack(_as_gray(frame.image))
+        self._scene.move(estimate, scene)
         half_ns = (frame.stamp_ns - self._previous_ns) // 2 if self._previous is not None else 0
         judgements: list[Judgement] = []
         for stream in self.streams.values():

@@ -2,6 +2,15 @@
 
 from belie.checks.objects.class_groups import ClassGroups
 from belie.checks.objects.habits import Counts, Habit, RunTest, run_threshold
+from belie.checks.objects.injection import background_evidence
 from belie.checks.objects.settings import ObjectSettings
 
-__all__ = ["ClassGroups", "Counts", "Habit", "ObjectSettings", "RunTest", "run_threshold"]
+__all__ = [
+    "ClassGroups",
+    "Counts",
+    "Habit",
+    "ObjectSettings",
+    "RunTest",
+    "background_evidence",
+    "run_threshold",
+]
