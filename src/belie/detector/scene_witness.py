@@ -19,7 +19,7 @@ _SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and th
 _MEMORY = 40  # frames
 _RING = 1.0  # of the box's side: how far around it its wall is looked for
 _FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-air
-_LEAST_PARALLAX_PX = 2.0
+_GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
 
 
 @dataclass(slots=True)
@@ -33,24 +33,31 @@ class SceneWitness:
     _map_id: int = -1
     _scene: Scene | None = None
     _ground: InverseDepthPlane | None = None
+    _ground_frame: int = 0
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
         """Take over the camera's motion to a new frame, and the depths of its corners there."""
         self.frame += 1
-        self._scene, self._ground = scene, None
+        self._scene = scene
+        if self.frame - self._ground_frame > _GROUND_LASTS:
+            self._ground = None
         known = estimate is not None and estimate.reason is None and estimate.inliers > 0
         if estimate is None or not known or scene is None:
             self._poses.clear()
+            self._ground = None
             self.why = (
                 estimate.reason if estimate is not None else None
             ) or "the camera's motion is not known"
             return
         if estimate.map_id != self._map_id or not self._poses:
             self._poses.clear()
+            self._ground = None
             self._map_id = estimate.map_id
             self._poses.append((self.frame - 1, SE3.identity()))
         self._poses.append((self.frame, self._poses[-1][1] @ estimate.T_prev_cur))
-        self._ground = ground_plane(*scene)
+        seen = ground_plane(*scene)
+        if seen is not None:
+            self._ground, self._ground_frame = seen, self.frame
         self.why = "" if self._ground is not None else "no ground is seen"
 
     def evidence(self, track: ObjectTrack) -> float | None:

@@ -13,9 +13,8 @@ import numpy as np
 
 from belie.geometry import FloatArray
 
-_THICKNESS = (
-    0.3  # of the depth: an object reaches behind its foot (a car of 4 m, 13 m away), and feet are guessed
-)
+_BEHIND, _BEFORE = 0.7, 1.15  # of the foot's 1/Z: an object reaches behind its foot (a car of 4 m, 10 m away)
+_FOOT = 0.03  # of the depth: error of a foot, by the box's jitter
 _MODEL = 0.08  # of the depth: a road's camber, a wall's relief
 _MOST_A_CORNER = 1.5  # nats
 _MOST_A_MESSAGE = 6.0  # nats: corners of one box share their errors
@@ -54,14 +53,15 @@ def background_evidence(
     True
     """
     width = np.abs(deviation) + _MODEL * np.abs(background)
-    object_width = np.abs(deviation) + _THICKNESS * abs(foot)
-    telling = np.abs(background - foot) > 1.5 * (width + 0.5 * object_width)
+    outside = np.maximum(_BEHIND * foot - background, background - _BEFORE * foot)
+    telling = outside > 1.5 * width
     if int(telling.sum()) < _LEAST_CORNERS:
         return None
-    rho = inverse_depth[telling]
-    as_background = np.abs(rho - background[telling]) / width[telling]
-    as_object = np.abs(rho - foot) / object_width[telling]
-    explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 1.5))
+    rho, width = inverse_depth[telling], width[telling]
+    object_width = np.abs(deviation[telling]) + _FOOT * abs(foot)
+    as_background = np.abs(rho - background[telling]) / width
+    as_object = np.maximum(np.maximum(_BEHIND * foot - rho, rho - _BEFORE * foot), 0.0) / object_width
+    explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))
     if explained.sum() < max(_LEAST_CORNERS, _DECIDED * len(rho)):
         return 0.0  # it moves, or is no plane: no phantom of this kind
     evidence = np.clip(0.5 * (as_object**2 - as_background**2), -_MOST_A_CORNER, _MOST_A_CORNER)[explained]
