@@ -33,6 +33,7 @@ class SceneWitness:
     _map_id: int = -1
     _scene: Scene | None = None
     _ground: InverseDepthPlane | None = None
+    _grounds: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=15))  # the latest fits
     _ground_frame: int = 0
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
@@ -45,6 +46,7 @@ class SceneWitness:
         if estimate is None or not known or scene is None:
             self._poses.clear()
             self._ground = None
+            self._grounds.clear()
             self.why = (
                 estimate.reason if estimate is not None else None
             ) or "the camera's motion is not known"
@@ -52,12 +54,15 @@ class SceneWitness:
         if estimate.map_id != self._map_id or not self._poses:
             self._poses.clear()
             self._ground = None
+            self._grounds.clear()
             self._map_id = estimate.map_id
             self._poses.append((self.frame - 1, SE3.identity()))
         self._poses.append((self.frame, self._poses[-1][1] @ estimate.T_prev_cur))
         seen = ground_plane(*scene)
         if seen is not None:
-            self._ground, self._ground_frame = seen, self.frame
+            self._grounds.append(seen.coefficients)
+            self._ground_frame = self.frame
+            self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
     def evidence(self, track: ObjectTrack) -> float | None:

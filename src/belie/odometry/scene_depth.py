@@ -15,6 +15,7 @@ from belie.geometry import SE3, FloatArray
 
 _LEAST = 12
 _TRIES = 60
+_MOST_TILTED = 0.15  # tangent; 9 degrees
 _TOLERANCE = 0.08  # of the depth: roads are cambered and rough
 
 
@@ -69,9 +70,7 @@ def fit_plane(
     )
 
 
-def ground_plane(
-    xy: FloatArray, inverse_depth: FloatArray, sigma: FloatArray, up_cam: FloatArray | None = None
-) -> InverseDepthPlane | None:
+def ground_plane(xy: FloatArray, inverse_depth: FloatArray, sigma: FloatArray) -> InverseDepthPlane | None:
     """The ground before the camera: a plane below it on which many corners of the lower image lie.
 
     Its inverse depth grows downwards and little sideways; anything else is a wall.
@@ -81,7 +80,8 @@ def ground_plane(
     if plane is None:
         return None
     a, b, c = plane.coefficients
-    upright = b > 0.0 and abs(a) < 0.3 * b and abs(c) < 0.3 * b
+    # Rolled and pitched by no more than a robot is that drives: its horizon is near the middle of the image.
+    upright = b > 0.0 and abs(a) < _MOST_TILTED * b and abs(c) < _MOST_TILTED * b
     return plane if upright else None
 
 
