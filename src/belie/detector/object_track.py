@@ -11,7 +11,7 @@ import numpy.typing as npt
 from belie.checks.objects import ObjectSettings, RunTest
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
-from belie.odometry.local_motion import LocalMotion, follow_object, moved_box
+from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
 
 _HISTORY = 16  # frames that a late message may refer to
@@ -60,6 +60,7 @@ class ObjectTrack:
     last_seen_ns: int = 0
     last_found_ns: int = 0
     motion: LocalMotion | None = None
+    view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
     called: str = ""  # its last label or id, where that is not its own
@@ -68,10 +69,13 @@ class ObjectTrack:
         self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
     ) -> None:
         """Carry the object from the previous image to this one by its own pixels."""
+        view = self.view
+        if view is None or not view.fits(self.box_px):
+            view = View.of(previous, window_of(self.box_px))
         motion = follow_object(
-            previous, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
+            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
         )
-        self.motion = motion
+        self.motion, self.view = motion, motion.view
         if motion.error_px2 is not None:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
@@ -134,8 +138,9 @@ class ObjectTrack:
         self.births, self.born_px = self.births[rides], self.born_px[rides]
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
-            window = window_of(self.box_px)
-            picture = window.cut(current)
+            if self.view is None or not self.view.fits(self.box_px):
+                self.view = View.of(current, window_of(self.box_px))
+            window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
             fresh = local_corners(picture, window, inner, missing, self.corners_px)
             self.corners_px = np.concatenate([self.corners_px, fresh])
@@ -144,8 +149,7 @@ class ObjectTrack:
             self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
             self.born_px = np.concatenate([self.born_px, fresh])
             if self.contrast == 0.0:
-                m = int(0.2 * min(picture.shape))
-                self.contrast = float(picture[m:-m, m:-m].std())
+                self.contrast = contrast_of(picture)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 

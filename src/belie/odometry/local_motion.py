@@ -10,16 +10,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from belie.geometry import FloatArray, compiled
-from belie.odometry.local_features import ImageStack, window_of
-from belie.odometry.tracking import TrackingSettings, build_pyramid, track
+from belie.odometry.local_features import ImageStack, Window, window_of
+from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
+from belie.types import GrayImage
 
 _TOLERANCE_PX = 2.0  # window pixels (an object is 64): objects are neither flat nor rigid
 _LEVELS = 3
 _LEAST_AGREEING = 3
+_OFF_PX = 8.0  # window pixels; the margin of the window has 26
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one image shows of an object: its window, and the pictures in it at three scales."""
+
+    window: Window
+    pyramid: Pyramid
+
+    @classmethod
+    def of(cls, stack: ImageStack, window: Window) -> View:
+        """Cut it out."""
+        return cls(window, build_pyramid(window.cut(stack), _LEVELS))
+
+    def fits(self, box_px: FloatArray) -> bool:
+        """Whether a box still lies about where and as large as the window was made for."""
+        window = window_of(box_px)
+        off = np.abs(window.centre_px - self.window.centre_px).max() * self.window.scale
+        return bool(off < _OFF_PX and 0.8 < window.scale / self.window.scale < 1.25)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +63,7 @@ class LocalMotion:
     growth: float
     shift_px: FloatArray
     contrast: float
+    view: View
 
 
 @compiled()
@@ -125,8 +148,18 @@ def moved_box(box_px: FloatArray, growth: float, shift_px: FloatArray) -> FloatA
     return np.concatenate([middle + shift_px - half, middle + shift_px + half])
 
 
+def contrast_of(picture: GrayImage) -> float:
+    """Standard deviation of an object's gray values: of its window without the margin.
+
+    >>> contrast_of(np.zeros((100, 100), np.uint8))
+    0.0
+    """
+    m = int(0.2 * min(picture.shape))
+    return float(cv2.meanStdDev(picture[m:-m, m:-m])[1][0, 0])
+
+
 def follow_object(
-    previous: ImageStack,
+    view: View,
     current: ImageStack,
     box_px: FloatArray,
     corners_px: FloatArray,
@@ -138,6 +171,8 @@ def follow_object(
 
     Parameters
     ----------
+    view : View
+        Of the object in the previous image.
     box_px, corners_px : arrays (4,), (N, 2)
         The object in the previous image.
     growth, shift_px : float, array (2,)
@@ -148,19 +183,19 @@ def follow_object(
     >>> rng = np.random.default_rng(0)
     >>> image = np.kron(rng.integers(0, 255, (40, 40)), np.ones((5, 5))).astype(np.uint8)
     >>> box, corners = np.array([60.0, 60, 124, 124]), rng.uniform(70, 110, (9, 2))
-    >>> motion = follow_object(ImageStack(image), ImageStack(np.roll(image, 3, axis=1)), box, corners, 1.0,
-    ...                        np.zeros(2), TrackingSettings())
+    >>> view = View.of(ImageStack(image), window_of(box))
+    >>> motion = follow_object(view, ImageStack(np.roll(image, 3, axis=1)), box, corners, 1.0, np.zeros(2),
+    ...                        TrackingSettings())
     >>> motion.box_px.round(0), int(motion.agreeing.sum())
     (array([ 63.,  60., 127., 124.]), 9)
     """
     predicted_box = moved_box(box_px, growth, shift_px)
-    before = window_of(box_px)
-    after = type(before)(0.5 * (predicted_box[:2] + predicted_box[2:]), before.scale / growth, before.shape)
-    old, new = before.cut(previous), after.cut(current)
+    before = view.window
+    # An object of the same size in its window: growth is what the scales tell.
+    after = Window(before.centre_px + shift_px, before.scale / growth, before.shape)
+    seen = View.of(current, after)
     start = before.to_window(corners_px)
-    found, verified = track(build_pyramid(old, _LEVELS), build_pyramid(new, _LEVELS), start, start, settings)
-    m = int(0.2 * min(new.shape))
-    contrast = float(new[m:-m, m:-m].std())
+    found, verified = track(view.pyramid, seen.pyramid, start, start, settings)
     agreeing = np.zeros(len(start), dtype=bool)
     error: float | None = None
     new_growth, new_shift = growth, np.asarray(shift_px, dtype=np.float64)
@@ -169,12 +204,11 @@ def follow_object(
         c, s, tx, ty, agree = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
         agreeing[verified] = agree
         if int(agree.sum()) >= _LEAST_AGREEING:
-            half = 0.5 * np.array([before.shape[1], before.shape[0]]) - 0.5
-            turned = np.array([c * half[0] - s * half[1] + tx, s * half[0] + c * half[1] + ty])
-            middle = after.to_image(turned) + 0.5
-            scale = float(np.hypot(c, s))
-            box = moved_box(box_px, growth * scale, middle - before.centre_px)
-            new_growth, new_shift = growth * scale, middle - before.centre_px
+            middle = 0.5 * (box_px[:2] + box_px[2:])
+            x, y = before.to_window(middle - 0.5)
+            new_middle = after.to_image(np.array([c * x - s * y + tx, s * x + c * y + ty])) + 0.5
+            new_growth, new_shift = growth * float(np.hypot(c, s)), new_middle - middle
+            box = moved_box(box_px, new_growth, new_shift)
             model = np.column_stack(
                 [c * start[:, 0] - s * start[:, 1] + tx, s * start[:, 0] + c * start[:, 1] + ty]
             )
@@ -188,5 +222,6 @@ def follow_object(
         error_px2=error,
         growth=new_growth,
         shift_px=new_shift,
-        contrast=contrast,
+        contrast=contrast_of(seen.pyramid[0]),
+        view=seen,
     )
