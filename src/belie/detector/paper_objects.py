@@ -22,6 +22,7 @@ from belie.types import CheckResult, Detection, DetectionClaim, Status
 
 _LEAST_SIDE_PX = 4.0
 _NEW = LocalError(reason="it was seen in one frame only, two are needed")
+_STILL_UNKNOWN = LocalError(reason="no motion to be had from its corners in the last two frames")
 
 
 @dataclass(slots=True, eq=False)
@@ -42,7 +43,8 @@ class PaperObject:
 
     def predict(self, local: LocalConsistency, camera: CameraModel, time_ratio: float) -> None:
         """Equations (4) to (6): the box in the new frame, and ``e^L`` over it."""
-        self.before_px, self.error, self.expected = self.box_px, _NEW, None
+        self.error = _NEW if self.before_px is None else _STILL_UNKNOWN
+        self.before_px, self.expected = self.box_px, None
         if self.local is None:
             return
         T_next_cur = motion_over(self.local.T_cur_prev, time_ratio)
