@@ -14,7 +14,7 @@ from belie.types import CheckResult, PositionClaim, Settings, Status, VisualEsti
 
 
 class PaperThresholds(Settings):
-    """T1 to T3 of the paper.
+    """T1 to T4 of the paper.
 
     >>> PaperThresholds().odometry_error_px2
     40.0
@@ -36,6 +36,11 @@ class PaperThresholds(Settings):
         gt=0.0,
         description="T3: mean squared step of a coordinate between two claims above which a position lies"
         " [m^2]; 20 is 4.5 m a coordinate, 7.7 m a step.",
+    )
+    local_error_px2: float = Field(
+        20.0,
+        gt=0.0,
+        description="T4: error below which an object's pixels are taken for still there [px^2]; 20 is 4.5 px.",
     )
 
 

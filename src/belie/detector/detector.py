@@ -133,11 +133,19 @@ def _profile(name: str, camera: MountedCamera, config: Config) -> DefaultProfile
 
 
 def _overall(judgements: list[Judgement]) -> Status:
-    """Contradicted if any check is; undecided if any is, or if nothing was judged; else consistent."""
-    statuses = {judgement.result.status for judgement in judgements}
+    """Contradicted if any check is; undecided if any is, or if nothing was judged; else consistent.
+
+    Where boxes cannot be looked behind (the camera stands, no ground in view), their check says so, but this takes
+    nothing from what the others have found: it is the rule for a robot at rest, and no doubt about any claim.
+    """
+    statuses = {
+        judgement.result.status
+        for judgement in judgements
+        if judgement.result.check != "injection" or judgement.result.status is not Status.UNDECIDED
+    }
     if Status.CONTRADICTED in statuses:
         return Status.CONTRADICTED
-    judged = [j for j in judgements if j.result.check != "camera"]
+    judged = [j for j in judgements if j.result.check not in ("camera", "injection")]
     return Status.UNDECIDED if Status.UNDECIDED in statuses or not judged else Status.CONSISTENT
 
 

@@ -1,4 +1,4 @@
-"""The `paper` profile: section III-B to the letter; the baseline that we measure ourselves against."""
+"""The `paper` profile: section III to the letter; the baseline that we measure ourselves against."""
 
 from __future__ import annotations
 
@@ -8,17 +8,28 @@ from belie.checks import paper_odometry_check, paper_position_check
 from belie.detector.alerts import Judgement
 from belie.detector.claim_buffer import ClaimBuffer, pose_at
 from belie.detector.config import Config
+from belie.detector.paper_objects import PaperObjectStage
 from belie.geometry import SE3
-from belie.odometry import PaperOdometry
-from belie.types import Claim, Frame, MountedCamera, PoseClaim, PositionClaim, VisualEstimate
+from belie.odometry import LocalConsistency, PaperOdometry
+from belie.types import (
+    Claim,
+    DetectionClaim,
+    Frame,
+    MountedCamera,
+    PoseClaim,
+    PositionClaim,
+    VisualEstimate,
+)
 
 
 class PaperProfile:
-    """One odometry stream builds the map and is judged by e^G; positions are judged by their step."""
+    """One odometry stream builds the map and is judged by e^G, positions by their step, objects by e^L."""
 
     def __init__(self, name: str, camera: MountedCamera, config: Config) -> None:
         self._camera, self._config = camera, config
         self.odometry = PaperOdometry(camera, config.paper_odometry)
+        self._local = LocalConsistency(camera.model, config.paper_odometry)
+        self._objects = PaperObjectStage(camera.model, config.paper)
         self._poses: dict[str, ClaimBuffer[PoseClaim]] = {}
         self._positions: dict[str, list[PositionClaim]] = {}
         self.estimate: VisualEstimate | None = None
@@ -26,12 +37,14 @@ class PaperProfile:
         self.T_odom_cam_seen: SE3 | None = None
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
-        """Judge the first odometry stream and every position stream at this frame."""
+        """Judge the first odometry stream, every position stream and every detector at this frame."""
         for claim in claims:
             if isinstance(claim, PoseClaim):
                 self._poses.setdefault(claim.source, ClaimBuffer()).add(claim)
             elif isinstance(claim, PositionClaim):
                 self._positions.setdefault(claim.source, []).append(claim)
+            elif isinstance(claim, DetectionClaim):
+                self._objects.take([claim])
         source = next(iter(self._poses), "")
         pose = pose_at(self._poses[source], frame.stamp_ns) if source else None
         claimed = None if pose is None else pose @ self._camera.T_body_cam
@@ -50,7 +63,15 @@ class PaperProfile:
                     results.append(paper_position_check(estimate, previous, claim, self._config.paper))
             for old in due[:-1]:  # the last one stays, for the next step
                 claims_of_one.remove(old)
-        return [Judgement(result=result) for result in results]
+        return [*(Judgement(result=result) for result in results), *self._judge_objects(frame)]
+
+    def _judge_objects(self, frame: Frame) -> list[Judgement]:
+        """Section III-C, with the corners that the odometry extracted."""
+        features = self.odometry.features
+        if features is None or not self._objects.streams:
+            return []
+        self._local.observe(self.odometry.pyramid, features)
+        return self._objects.update(frame.stamp_ns, self._local)
 
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """Nothing is learned in this profile."""

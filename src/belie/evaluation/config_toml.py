@@ -106,6 +106,8 @@ def _value(value: Any) -> str:
         return _float(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"
+    if isinstance(value, dict):  # an inline table: TOML allows it no line breaks
+        return f"{{{', '.join(f'{json.dumps(key)} = {_value(item)}' for key, item in value.items())}}}"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     return str(value)

@@ -16,7 +16,7 @@ from belie.odometry.local_map import LocalMap, LocalMapSettings
 from belie.odometry.matching import MatchingSettings, match_nearest
 from belie.odometry.optimization import OptimizationSettings, OptimizedPose, optimize_pose
 from belie.odometry.prediction import constant_velocity, predict
-from belie.types import Features, Frame, MapPoints, MountedCamera, Settings, VisualEstimate
+from belie.types import Features, Frame, GrayImage, MapPoints, MountedCamera, Settings, VisualEstimate
 
 _UNKNOWN = 1e6 * np.eye(6)
 
@@ -36,6 +36,9 @@ class PaperOdometrySettings(Settings):
         50, ge=3, description="Corners below which the image is too poor to judge by [count]."
     )
     min_pairs: int = Field(30, ge=3, description="Pairs below which the mean error says nothing [count].")
+    min_local_pairs: int = Field(
+        5, ge=4, description="The same for one object: a pose absorbs all that three pairs can tell [count]."
+    )
 
 
 class PaperOdometry:
@@ -62,7 +65,8 @@ class PaperOdometry:
         self._scale_factor = self._settings.features.scale_factor
         self._map = LocalMap(self._camera, self._settings.local_map, self._scale_factor)
         self._claims: list[tuple[int, SE3]] = []  # the last two frames', oldest first
-        self._features: Features | None = None
+        self.pyramid: tuple[GrayImage, ...] = ()  # of the last frame: the local check shares them
+        self.features: Features | None = None
         self._previous_stamp_ns: int | None = None
 
     def update(self, frame: Frame, T_odom_cam_claimed: SE3 | None) -> VisualEstimate:
@@ -88,14 +92,14 @@ class PaperOdometry:
         """
         self._check(frame)
         pyramid = image_pyramid(frame.image, self._settings.features)
-        features = extract_features(pyramid, self._settings.features, previous=self._features)  # (2)
+        features = extract_features(pyramid, self._settings.features, previous=self.features)  # (2)
         estimate = self._estimate(frame.stamp_ns, features, self._map.points)  # (4) to (6)
         if T_odom_cam_claimed is None:
             self._claims.clear()
         else:
             self._map.observe(frame.stamp_ns, pyramid, features, T_odom_cam_claimed)  # (3), for the next
             self._claims = [*self._claims[-1:], (frame.stamp_ns, T_odom_cam_claimed)]
-        self._features, self._previous_stamp_ns = features, frame.stamp_ns
+        self.pyramid, self.features, self._previous_stamp_ns = pyramid, features, frame.stamp_ns
         return estimate
 
     def warm_up(self) -> None:
