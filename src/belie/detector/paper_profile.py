@@ -8,6 +8,7 @@ from belie.checks import paper_odometry_check, paper_position_check
 from belie.detector.alerts import Judgement
 from belie.detector.claim_buffer import ClaimBuffer, pose_at
 from belie.detector.config import Config
+from belie.detector.object_view import ObjectView
 from belie.geometry import SE3
 from belie.odometry import PaperOdometry
 from belie.types import Claim, Frame, MountedCamera, PoseClaim, PositionClaim, VisualEstimate
@@ -51,6 +52,11 @@ class PaperProfile:
             for old in due[:-1]:  # the last one stays, for the next step
                 claims_of_one.remove(old)
         return [Judgement(result=result) for result in results]
+
+    @property
+    def objects(self) -> tuple[ObjectView, ...]:
+        """No object is followed in this profile."""
+        return ()
 
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """Nothing is learned in this profile."""
