@@ -20,9 +20,11 @@ class ObjectView:
     Parameters
     ----------
     source, name, label : str
-        The detector, the object's track id, and what the object is by most of its detections.
+        The detector, the object's track id, and the last label that fits what most messages called it.
     told_label : str
         What the detector last called it.
+    misnamed : bool
+        Whether that does not fit.
     box_px : array (4,)
         Where its own pixels say that it is: left, top, right, bottom edge.
     detected_px : array (4,) or None
@@ -41,6 +43,7 @@ class ObjectView:
     name: str
     label: str
     told_label: str
+    misnamed: bool
     box_px: FloatArray
     detected_px: FloatArray | None
     told_ns: int
@@ -59,11 +62,19 @@ def view_of(track: ObjectTrack, source: str, *, heard: bool) -> ObjectView:
         name=track.name,
         label=track.label,
         told_label=track.told_label,
-        box_px=track.box_px if motion is None else motion.box_px,
-        detected_px=track.told_px,
+        misnamed=bool(track.called),
+        box_px=_own(track.box_px if motion is None else motion.box_px),
+        detected_px=None if track.told_px is None else _own(track.told_px),
         told_ns=track.last_seen_ns,
-        predicted_px=none if motion is None else motion.predicted_px[motion.agreeing],
-        observed_px=none if motion is None else motion.found_px[motion.agreeing],
+        predicted_px=_own(none if motion is None else motion.predicted_px[motion.agreeing]),
+        observed_px=_own(none if motion is None else motion.found_px[motion.agreeing]),
         error_px2=None if motion is None else motion.error_px2,
         status="reported" if track.told_px is not None else "missing" if heard else "not told",
     )
+
+
+def _own(px: FloatArray) -> FloatArray:
+    """A read-only copy: who looks at an object must not move it."""
+    copy = px.copy()
+    copy.flags.writeable = False
+    return copy

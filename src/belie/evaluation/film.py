@@ -45,6 +45,7 @@ class Shot:
     error_px2: float | None
     status: str
     told_label: str
+    misnamed: bool
     centre_px: FloatArray
     scale: float
 
@@ -69,7 +70,7 @@ class Film:
         >>> dark = np.zeros((2, 2), np.uint8)
         >>> shots = tuple(Shot(number=k, stamp_ns=k, picture=dark, box=np.zeros(4), detected=None,
         ...     predicted=np.zeros((0, 2)), observed=np.zeros((0, 2)), error_px2=None, status="missing",
-        ...     told_label="", centre_px=np.zeros(2), scale=1.0) for k in range(30))
+        ...     told_label="", misnamed=False, centre_px=np.zeros(2), scale=1.0) for k in range(30))
         >>> alert = Alert(type=AlertType.OBSTACLE_HIDING, source="/d", onset_ns=15, object="7")
         >>> film = Film(alert=alert, raised_ns=19, label="car", told_label="", shots=shots)
         >>> [(role, shot.number) for role, shot in film.strip()]
@@ -177,6 +178,7 @@ def _shot(frame: Frame, view: ObjectView, number: int) -> Shot:
         error_px2=view.error_px2,
         status=view.status,
         told_label=view.told_label,
+        misnamed=view.misnamed,
         centre_px=centre,
         scale=scale,
     )
@@ -190,7 +192,11 @@ def _place_late(shots: deque[Shot], view: ObjectView) -> None:
     nearest = min(range(len(shots)), key=lambda i: abs(shots[i].stamp_ns - view.told_ns))
     shot = shots[nearest]
     shots[nearest] = replace(
-        shot, detected=shot.placed(view.detected_px), status="reported", told_label=view.told_label
+        shot,
+        detected=shot.placed(view.detected_px),
+        status="reported",
+        told_label=view.told_label,
+        misnamed=view.misnamed,
     )
     if nearest != len(shots) - 1:
         shots[-1] = replace(shots[-1], status="not told")

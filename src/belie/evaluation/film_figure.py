@@ -38,7 +38,7 @@ def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
                 "x": k * (SIDE_PX + _GAP_PX),
                 "when": f"{run.trace.since_start_s([shot.stamp_ns])[0]:.2f} s: {role}",
                 "told": _told(shot),
-                "is_wrong": role in ("lie begins", "during", "alert") and shot.status != "not told",
+                "is_wrong": _row(film, shot) == "missing",
                 **_drawn(shot),
             }
             for k, (role, shot) in enumerate(strip)
@@ -134,9 +134,9 @@ def _error_figure(run: Run, film: Film, name: str) -> str:
 
 
 def _row(film: Film, shot: Shot) -> str:
-    """ "reported" for a message that is true of the object as far as is known, "missing" for a lie, else anything."""
-    if film.alert.type is AlertType.OBJECT_MISCLASSIFICATION and shot.status == "reported":
-        return "reported" if shot.told_label in ("", film.label) else "missing"
+    """What a message told: "reported" what is true as far as is known, "missing" what is a lie."""
+    if film.alert.type is AlertType.OBJECT_MISCLASSIFICATION:
+        return "" if shot.status != "reported" else "missing" if shot.misnamed else "reported"
     if film.alert.type is AlertType.OBSTACLE_INJECTION:
         return "missing" if shot.status == "reported" else "reported" if shot.status == "missing" else ""
     return shot.status

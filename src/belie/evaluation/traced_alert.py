@@ -77,7 +77,7 @@ class AlertRecorder:
     """
 
     def __init__(self) -> None:
-        self._ended: list[TracedAlert] = []
+        self._ended: dict[int, TracedAlert] = {}
         self._open: dict[int, _Open] = {}
         self._number = 0
 
@@ -102,12 +102,12 @@ class AlertRecorder:
 
     def _end(self, number: int) -> None:
         o = self._open.pop(number)
-        self._ended.append(
-            TracedAlert(raised=o.raised, check=o.check, reason=o.reason, end_ns=o.end_ns, label=o.label)
+        self._ended[number] = TracedAlert(
+            raised=o.raised, check=o.check, reason=o.reason, end_ns=o.end_ns, label=o.label
         )
 
     def finish(self) -> tuple[TracedAlert, ...]:
         """All alerts so far, in the order in which they were raised."""
         for number in list(self._open):
             self._end(number)
-        return tuple(sorted(self._ended, key=lambda traced: traced.raised.stamp_ns))
+        return tuple(self._ended[number] for number in sorted(self._ended))
