@@ -105,7 +105,8 @@ def print_use(recording: Recording) -> None:
     print(f"  {'camera':<9} {', '.join(recording.cameras)}: frozen, replayed, dark or covered images")
     if "detections" in used:
         print(
-            f"  {'objects':<9} {used['detections']}: objects that vanish or change their label while their pixels stay"
+            f"  {'objects':<9} {used['detections']}: objects that vanish or change their label while their pixels "
+            "stay, or that the images do not show"
         )
     else:
         print(f"  {'objects':<9} no such stream")

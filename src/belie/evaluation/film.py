@@ -81,7 +81,7 @@ class Film:
         onset = min(int(np.searchsorted(stamps, self.alert.onset_ns)), last)
         raised = min(int(np.searchsorted(stamps, self.raised_ns)), last)
         wanted: list[tuple[int, Role]] = [
-            (raised, "alert"), (onset, "lie begins"), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
+            (raised, "alert"), (onset, "lie begins" if self.alert.onset_ns >= stamps[0] else "during"), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
             ((onset + raised) // 2, "during"), (last, "after"),
         ]  # fmt: skip
         chosen: dict[int, Role] = {}
