@@ -80,8 +80,9 @@ class Film:
         last = len(stamps) - 1
         onset = min(int(np.searchsorted(stamps, self.alert.onset_ns)), last)
         raised = min(int(np.searchsorted(stamps, self.raised_ns)), last)
+        first: Role = "lie begins" if self.alert.onset_ns >= stamps[0] else "during"
         wanted: list[tuple[int, Role]] = [
-            (raised, "alert"), (onset, "lie begins" if self.alert.onset_ns >= stamps[0] else "during"), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
+            (raised, "alert"), (onset, first), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
             ((onset + raised) // 2, "during"), (last, "after"),
         ]  # fmt: skip
         chosen: dict[int, Role] = {}
