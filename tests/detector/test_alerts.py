@@ -30,3 +30,15 @@ def test_streams_are_accused_apart():
     assert [a.type.value for a in alerts] == [
         "odometry_spoofing", "odometry_spoofing", "position_spoofing", "camera_fault",
     ]  # fmt: skip
+
+
+def test_what_is_undecided_of_all_objects_acquits_none():
+    book = AlertBook()
+    lie = CheckResult(check="hiding", source="/d", status=Status.CONTRADICTED, object="7")
+    blind = CheckResult(check="hiding", source="/d", status=Status.UNDECIDED, reason="no message for 1 s")
+    fine = CheckResult(check="hiding", source="/d", status=Status.CONSISTENT)
+    raised = [
+        len(book.raise_new([Judgement(result=result)], i))
+        for i, result in enumerate([lie, blind, lie, fine, lie])
+    ]
+    assert raised == [1, 0, 0, 0, 1]

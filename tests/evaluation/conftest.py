@@ -73,6 +73,7 @@ class ScriptedDetector:
 
     def __init__(self, onset: int | None = None, end: int = 10**9) -> None:
         self.onset, self.end = onset, end
+        self.objects = ()
         self.estimate: VisualEstimate | None = None
         self.T_odom_cam_claimed: SE3 | None = None
         self.T_odom_cam_seen: SE3 | None = None

@@ -69,3 +69,15 @@ def test_reasons_that_differ_in_numbers_are_one():
 def test_frames_are_found_by_stamp():
     trace = recorded([], [], [])
     assert [trace.frame_at(stamp) for stamp in (-50, 4, 6, 999)] == [0, 0, 1, 2]
+
+
+def test_a_check_of_objects_is_one_column_of_the_worst_object():
+    hiding = {"check": "hiding", "source": "/d"}
+    bad = {"status": Status.CONTRADICTED}
+    trace = recorded(
+        [result(1.0, object="3", **hiding)],
+        [result(5.0, object="3", **hiding, **bad), result(9.0, object="7", **hiding, **bad)],
+        [result(0.0, **hiding)],
+    )
+    (check,) = trace.checks
+    assert check.statistic.tolist() == [1.0, 9.0, 0.0]

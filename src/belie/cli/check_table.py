@@ -77,10 +77,9 @@ def _alert_row(run: Run, traced: TracedAlert) -> tuple[Text, ...]:
     raised, alert = traced.raised, traced.raised.alert
     started_s, raised_s = run.trace.since_start_s([alert.onset_ns, raised.stamp_ns])
     onset_frame = run.trace.frame_at(alert.onset_ns)
-    named = alert.source if alert.object is None else f"{alert.source} {alert.object}"
     return (
         Text(alert.type.value, style="red"),
-        Text(named),
+        Text(alert.source if traced.object is None else f"{traced.object} by {alert.source}"),
         Text(f"{raised_s:.2f} s, frame {raised.frame}"),
         Text(f"{started_s:.2f} s, frame {onset_frame}"),
         Text(f"{traced.delay_ns * 1e-9:.2f} s, {max(0, raised.frame - onset_frame)} frames"),

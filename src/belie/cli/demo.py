@@ -97,7 +97,10 @@ def watch(drive: Path, console: Console, *, speed: float) -> tuple[Run, tuple[At
                 label.sources[0] for label in labels if label.onset_ns <= verdict.stamp_ns < label.end_ns
             ]
             for alert in verdict.alerts:
-                console.print(f"  [bold red]ALERT[/] {t_s:4.1f} s  {alert.type.value} by {alert.source}")
+                named = "" if alert.object is None else f" of object {alert.object}"
+                console.print(
+                    f"  [bold red]ALERT[/] {t_s:4.1f} s  {alert.type.value}{named} by {alert.source}"
+                )
             show(_line(verdict, t_s, lying))
             if speed > 0.0 and console.is_terminal:
                 time.sleep(max(0.0, began_s + t_s / speed - time.monotonic()))

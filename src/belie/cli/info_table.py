@@ -104,8 +104,13 @@ def print_use(recording: Recording) -> None:
         print(f"  {role:<9} {used[role]}: {meaning}" if role in used else f"  {role:<9} no such stream")
     print(f"  {'camera':<9} {', '.join(recording.cameras)}: frozen, replayed, dark or covered images")
     if "detections" in used:
-        print(f"  {'objects':<9} {used['detections']}: read, but no check uses them yet")
-    if not used.keys() & _CHECKS.keys():
+        print(
+            f"  {'objects':<9} {used['detections']}: objects that vanish or change their label while their pixels "
+            "stay, or that the images do not show"
+        )
+    else:
+        print(f"  {'objects':<9} no such stream")
+    if not used.keys() & {*_CHECKS, "detections"}:
         print("No stream makes a claim: only the camera itself can be checked.")
 
 

@@ -2,5 +2,6 @@
 
 from belie.detector.config import Config, load_config, parse_config
 from belie.detector.detector import Detector
+from belie.detector.object_view import ObjectView
 
-__all__ = ["Config", "Detector", "load_config", "parse_config"]
+__all__ = ["Config", "Detector", "ObjectView", "load_config", "parse_config"]

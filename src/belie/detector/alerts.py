@@ -57,6 +57,9 @@ class AlertBook:
             for (kind, source, name), onset in now.items()
             if (kind, source, name) not in self._standing
         )
-        # An accusation stands while it cannot be tested: dark frames do not acquit.
-        self._standing = set(now) | (self._standing & undecided)
+        # An accusation stands while it cannot be tested: dark frames do not acquit; and a check that is undecided
+        # without naming an object is so about all of them.
+        self._standing = set(now) | {
+            key for key in self._standing if key in undecided or (*key[:2], None) in undecided
+        }
         return alerts

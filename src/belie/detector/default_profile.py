@@ -16,6 +16,7 @@ import numpy as np
 from belie.checks import CameraCheck, ImuCheck, OdometryCheck, PositionCheck
 from belie.detector.alerts import Judgement
 from belie.detector.config import Config
+from belie.detector.object_view import ObjectView
 from belie.detector.objects import ObjectStage
 from belie.detector.streams import StreamKey, Streams
 from belie.detector.trajectory import TrustedTrajectory
@@ -58,6 +59,11 @@ class DefaultProfile:
     def T_odom_cam_seen(self) -> SE3 | None:
         """Pose of the camera as the images tell it, in the claim's scale."""
         return self._trajectory.T_odom_cam_seen
+
+    @property
+    def objects(self) -> tuple[ObjectView, ...]:
+        """The objects that detectors told of, as they stand after the last frame."""
+        return self._objects.views
 
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """How many times noisier than its model each component of each stream is, keyed ``check:source``."""

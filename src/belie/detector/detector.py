@@ -10,6 +10,7 @@ import numpy as np
 from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.config import Config
 from belie.detector.default_profile import DefaultProfile
+from belie.detector.object_view import ObjectView
 from belie.detector.paper_profile import PaperProfile
 from belie.geometry import SE3, CameraModel, DistortionModel
 from belie.types import (
@@ -75,6 +76,11 @@ class Detector:
     def T_odom_cam_seen(self) -> SE3 | None:
         """Pose of the camera as the images tell it, from the first claimed pose on, in the claim's scale."""
         return self._profile.T_odom_cam_seen
+
+    @property
+    def objects(self) -> tuple[ObjectView, ...]:
+        """The objects that detectors told of, as they stand after the last frame; made when asked for."""
+        return self._profile.objects
 
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """How many times noisier than its model each component of each stream is, keyed ``check:source``."""

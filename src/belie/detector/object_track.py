@@ -64,6 +64,8 @@ class ObjectTrack:
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
     called: str = ""  # its last label or id, where that is not its own
+    told_px: FloatArray | None = None  # its detected box, if a message came since the last image
+    told_label: str = ""
 
     def follow(
         self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
@@ -75,7 +77,7 @@ class ObjectTrack:
         motion = follow_object(
             view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
         )
-        self.motion, self.view = motion, motion.view
+        self.motion, self.view, self.told_px = motion, motion.view, None
         if motion.error_px2 is not None:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)

@@ -10,6 +10,7 @@ from belie.checks.objects import Habit, ObjectSettings, RunTest, run_threshold
 from belie.detector.alerts import Judgement
 from belie.detector.association import assign, covered, overlaps
 from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
 from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import projected_box_px
@@ -56,6 +57,7 @@ class ObjectStream:
     interval_s: float = 0.0
     crowd: float = 1.0  # objects at a time
     unboxed: int = 0
+    heard: bool = False  # a message was judged at the last frame
     _made: int = 0
     _missed: Habit = field(init=False)
     _misnamed: Habit = field(init=False)
@@ -80,16 +82,24 @@ class ObjectStream:
         patience = _FORGET_NS if track.absence(size, self.settings) else 5 * _FORGET_NS
         return stamp_ns - known_ns > max(patience, int(3e9 * self.interval_s))
 
+    def unheard(self) -> None:
+        """No message was judged at this frame."""
+        self.heard = False
+        for track in self.tracks:
+            track.told_px = None
+
     # -- messages ------------------------------------------------------------------------------------
 
     def hear(self, frame_ns: int, half_ns: int, current: ImageStack) -> None:
         """Judge every message that belongs to this frame or an earlier one."""
+        self.heard = False
         self.waiting.sort(key=lambda claim: claim.stamp_ns)
         while self.waiting and self.waiting[0].stamp_ns <= frame_ns + half_ns:
             claim = self.waiting.pop(0)
             if self.last_ns is not None and claim.stamp_ns <= self.last_ns:
                 continue  # told again, or out of order
             self._judge(claim, current)
+            self.heard = True
 
     def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
         if self.last_ns is not None:
@@ -165,6 +175,7 @@ class ObjectStream:
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += weight
+        track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame)
@@ -202,6 +213,7 @@ class ObjectStream:
         track.votes[self.settings.classes.of(detection.label)] = weight * min(
             1.0, 0.5 * _side(box) / _HALF_SIGHT_PX
         )
+        track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame)
         self.tracks.append(track)
@@ -325,6 +337,15 @@ class ObjectStage:
         self._previous: ImageStack | None = None
         self._previous_ns = 0
 
+    @property
+    def views(self) -> tuple[ObjectView, ...]:
+        """All objects as they stand after the last frame."""
+        return tuple(
+            view_of(track, stream.source, heard=stream.heard)
+            for stream in self.streams.values()
+            for track in stream.tracks
+        )
+
     def take(self, claims: tuple[Claim, ...], now_ns: int) -> None:
         """Keep the messages until their frame has come; not those of a broken clock."""
         for claim in claims:
@@ -351,6 +372,8 @@ class ObjectStage:
         if not self.streams:
             return []
         if doubted:
+            for stream in self.streams.values():
+                stream.unheard()
             return [j for stream in self.streams.values() for j in stream.withhold(f"not judged: {doubted}")]
         current = ImageStack(_as_gray(frame.image))
         self._scene.move(estimate, scene)

@@ -8,6 +8,7 @@ from belie.checks import paper_odometry_check, paper_position_check
 from belie.detector.alerts import Judgement
 from belie.detector.claim_buffer import ClaimBuffer, pose_at
 from belie.detector.config import Config
+from belie.detector.object_view import ObjectView
 from belie.detector.paper_objects import PaperObjectStage
 from belie.geometry import SE3
 from belie.odometry import LocalConsistency, PaperOdometry
@@ -72,6 +73,11 @@ class PaperProfile:
             return []
         self._local.observe(self.odometry.pyramid, features)
         return self._objects.update(frame.stamp_ns, self._local)
+
+    @property
+    def objects(self) -> tuple[ObjectView, ...]:
+        """Films are drawn from what the default profile follows; this one keeps no pixels."""
+        return ()
 
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """Nothing is learned in this profile."""

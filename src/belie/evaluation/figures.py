@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from belie.attacks import AttackLabel
+from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.bird_view import BirdView, bird_view
 from belie.evaluation.run import Run
 from belie.evaluation.trace import NOT_RUN, STATUSES, CheckTrace
@@ -63,7 +64,7 @@ def evidence_figure(run: Run, labels: Sequence[AttackLabel] = ()) -> str:
         panels[-1].set_xlabel("time since the first frame [s]")
         panels[-1].set_xlim(*_span(run))
 
-    return _svg(draw, (9.0, 0.6 + 1.75 * len(checks)), "evidence")
+    return svg(draw, (9.0, 0.6 + 1.75 * len(checks)), "evidence")
 
 
 def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[AttackLabel]) -> None:
@@ -72,7 +73,7 @@ def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[Att
     top = max(3.0, 2.0 * float(np.nanmax(ratio)))
     axes.set_yscale("log")
     axes.set_ylim(lowest, top)
-    _mark_alerts(axes, run, check.source)
+    _mark_alerts(axes, run, check)
     for label in labels:
         if check.source in label.sources:
             start, end = run.trace.since_start_s([label.start_ns, label.end_ns])
@@ -82,17 +83,17 @@ def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[Att
     over = ratio > 1.0
     axes.plot(seconds[over], ratio[over], linestyle="", marker=".", markersize=3.5, color=ALERT)
     _mark_undecided(axes, run, check)
-    name = f"{check.check}  {check.source}" + (f"  {check.object}" if check.object else "")
-    axes.set_title(name, loc="left", fontsize=9.5, color="#222222")
+    axes.set_title(f"{check.check}  {check.source}", loc="left", fontsize=9.5, color="#222222")
     axes.set_yticks([0.1, 1.0], ["0.1", "alarm"])
     axes.minorticks_off()
 
 
-def _mark_alerts(axes: Any, run: Run, source: str | None = None) -> None:
+def _mark_alerts(axes: Any, run: Run, check: CheckTrace | None = None) -> None:
     for traced in run.alerts:
-        if source in (None, traced.raised.alert.source):
+        alert = traced.raised.alert
+        if check is None or (alert.source == check.source and alert.type is ALERT_OF_CHECK.get(check.check)):
             onset, raised, end = run.trace.since_start_s(
-                [traced.raised.alert.onset_ns, traced.raised.stamp_ns, traced.end_ns]
+                [alert.onset_ns, traced.raised.stamp_ns, traced.end_ns]
             )
             axes.axvspan(min(onset, raised), max(end, raised), color=ALERT, alpha=0.12, linewidth=0)
             axes.axvline(raised, color=ALERT, linewidth=1.2)
@@ -124,7 +125,7 @@ def trajectory_figure(run: Run) -> str:
             _draw_zoomed(panels[1], run, view, window)
         _draw_apart(panels[-1], run, view)
 
-    return _svg(draw, (9.0, 4.2 if window is None else 3.7), "trajectory")
+    return svg(draw, (9.0, 4.2 if window is None else 3.7), "trajectory")
 
 
 def zoom_window(run: Run) -> slice | None:
@@ -213,7 +214,7 @@ def floor_figure(run: Run) -> str:
 
     from matplotlib.ticker import FuncFormatter, LogLocator
 
-    return _svg(draw, (9.0, 2.5), "floor")
+    return svg(draw, (9.0, 2.5), "floor")
 
 
 def latency_figure(run: Run) -> str:
@@ -230,7 +231,7 @@ def latency_figure(run: Run) -> str:
         axes.set_xlabel("time since the first frame [s]")
         axes.set_ylabel("update [ms]")
 
-    return _svg(draw, (9.0, 1.9), "latency")
+    return svg(draw, (9.0, 1.9), "latency")
 
 
 def _span(run: Run) -> tuple[float, float]:
@@ -246,7 +247,7 @@ def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return x[starts], np.fmax.reduceat(y, starts)
 
 
-def _svg(draw: Callable[[Any], None], size_in: tuple[float, float], name: str) -> str:
+def svg(draw: Callable[[Any], None], size_in: tuple[float, float], name: str) -> str:
     """Draw without pyplot, so that nobody's global state is touched; ids are made unique in the page."""
     import matplotlib as mpl
     from matplotlib.figure import Figure

@@ -15,6 +15,7 @@ from belie.attacks import AttackLabel
 from belie.evaluation import figures
 from belie.evaluation import report_words as words
 from belie.evaluation.config_toml import changed_settings, to_toml
+from belie.evaluation.film_figure import film_content
 from belie.evaluation.run import Run
 from belie.evaluation.score import Score
 from belie.evaluation.snapshots import Snapshot
@@ -81,6 +82,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "trajectory": figures.trajectory_figure(run),
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
+        "films": [film_content(run, film, k) for k, film in enumerate(run.films)],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
         "undecided_share": run.trace.share(Status.UNDECIDED),
@@ -106,7 +108,8 @@ def _score_rows(run: Run, result: Score) -> dict[str, Any]:
         rows.append(
             {
                 "text": scored.label.text,
-                "sources": ", ".join(scored.label.sources),
+                "sources": ", ".join(scored.label.sources)
+                + ("" if scored.label.object is None else f", {scored.label.object}"),
                 "span": f"{start_s:.2f} to {end_s:.2f} s",
                 "hit": hit,
                 "delay": f"{scored.delay_frames} frames, {(scored.delay_ms or 0.0) / 1e3:.2f} s"

@@ -16,9 +16,9 @@ _ACCUSATIONS = {
     AlertType.ODOMETRY_SPOOFING: "the stream {source} claims a motion that the camera did not see",
     AlertType.POSITION_SPOOFING: "the stream {source} claims positions that do not fit the motion seen",
     AlertType.CAMERA_FAULT: "the camera {source} does not show the world as it is",
-    AlertType.OBSTACLE_HIDING: "an object that is still in the image of {source} is no longer reported",
-    AlertType.OBJECT_MISCLASSIFICATION: "an object in the image of {source} is reported as what it is not",
-    AlertType.OBSTACLE_INJECTION: "an object is reported by {source} that the image does not show",
+    AlertType.OBSTACLE_HIDING: "{source} no longer reports {object}, which is still in the image",
+    AlertType.OBJECT_MISCLASSIFICATION: "{source} reports {object} as what it is not",
+    AlertType.OBSTACLE_INJECTION: "{source} reports {object}, which the image does not show",
 }
 _TYPE_NAMES = {
     AlertType.ODOMETRY_SPOOFING: "false motion (odometry or IMU)",
@@ -30,13 +30,15 @@ _TYPE_NAMES = {
 }
 
 
-def accusation(alert_type: AlertType, source: str) -> str:
-    """What an alert says, as a clause.
+def accusation(alert_type: AlertType, source: str, object: str | None = None) -> str:
+    """What an alert says, as a clause; `object`: the one that it names.
 
     >>> accusation(AlertType.CAMERA_FAULT, "/image")
     'the camera /image does not show the world as it is'
+    >>> accusation(AlertType.OBSTACLE_HIDING, "/detections", "car 7")
+    '/detections no longer reports car 7, which is still in the image'
     """
-    return _ACCUSATIONS[alert_type].format(source=source)
+    return _ACCUSATIONS[alert_type].format(source=source, object=object or "an object")
 
 
 def type_name(alert_type: AlertType) -> str:
@@ -53,7 +55,7 @@ def headline(run: Run) -> str:
     if run.alerts:
         first = run.alerts[0]
         start_s = run.trace.since_start_s([first.raised.alert.onset_ns])[0]
-        said = accusation(first.raised.alert.type, first.raised.alert.source)
+        said = accusation(first.raised.alert.type, first.raised.alert.source, first.object)
         others = len(run.alerts) - 1
         more = "" if not others else f", and {others} more alert{'s' if others > 1 else ''}"
         return f"{said[0].upper()}{said[1:]}: from about {start_s:.1f} s on{more}."
@@ -83,7 +85,7 @@ def alert_row(run: Run, traced: TracedAlert) -> dict[str, str]:
     return {
         "type": type_name(alert.type),
         "identifier": alert.type.value,
-        "source": alert.source if alert.object is None else f"{alert.source}, {alert.object}",
+        "source": alert.source if traced.object is None else f"{alert.source}, {traced.object}",
         "onset": f"{onset_s:.2f} s (frame {run.trace.frame_at(alert.onset_ns)})",
         "raised": f"{raised_s:.2f} s (frame {raised.frame})",
         "delay": f"{traced.delay_ns * 1e-9:.2f} s",

@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.attacks import AttackLabel
+from belie.detector import ObjectView
 from belie.evaluation.expected_corners import View
+from belie.evaluation.film import Film, FilmRecorder
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
 from belie.evaluation.trace import STATUSES, Trace, TraceRecorder
@@ -49,6 +51,11 @@ class FrameChecker(Protocol):
     @property
     def T_odom_cam_seen(self) -> SE3 | None:
         """Where the images say that it was."""
+        ...
+
+    @property
+    def objects(self) -> tuple[ObjectView, ...]:
+        """The objects that detectors told of."""
         ...
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> Verdict:
@@ -115,6 +122,8 @@ class Run:
         In order.
     snapshots : tuple of Snapshot
         Pictures at the alerts, or of the frame nearest to one.
+    films : tuple of Film
+        Of the objects that alerts name.
     join_counts : mapping
         For each kind of mishap in joining the streams, how often it befell each stream.
     """
@@ -128,6 +137,7 @@ class Run:
     trace: Trace
     alerts: tuple[TracedAlert, ...]
     snapshots: tuple[Snapshot, ...]
+    films: tuple[Film, ...]
     join_counts: Mapping[str, Mapping[str, int]]
 
     @property
@@ -200,7 +210,7 @@ def run_detector(
     ...                 for t in (0, 10))
     >>> recording = SimpleNamespace(path="x", format="made", body_axes="flu", cameras={}, join_counts=None,
     ...                             steps=steps)
-    >>> blind = SimpleNamespace(estimate=None, T_odom_cam_claimed=None, T_odom_cam_seen=None,
+    >>> blind = SimpleNamespace(estimate=None, T_odom_cam_claimed=None, T_odom_cam_seen=None, objects=(),
     ...     update=lambda frame, claims: Verdict(frame=frame.stamp_ns // 10, stamp_ns=frame.stamp_ns,
     ...                                          status=Status.UNDECIDED, latency_ms=1.0))
     >>> run = run_detector(recording, Settings(), detector=blind)
@@ -209,7 +219,7 @@ def run_detector(
     """
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
-    alerts = AlertRecorder()
+    alerts, films = AlertRecorder(), FilmRecorder()
     claims_predict = getattr(config, "profile", "default") == "paper"
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
@@ -217,7 +227,9 @@ def run_detector(
             verdict = detector.update(step.frame, step.claims)
             claimed, seen = detector.T_odom_cam_claimed, detector.T_odom_cam_seen
             trace.add(step, verdict, claimed, seen)
-            alerts.add(verdict)
+            objects = detector.objects
+            alerts.add(verdict, {(view.source, view.name): view.label for view in objects})
+            films.add(step.frame, objects, verdict)
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
             )
@@ -237,6 +249,7 @@ def run_detector(
         trace=finished,
         alerts=alerts.finish(),
         snapshots=snapshots.finish(),
+        films=films.finish(),
         join_counts=_counts(recording.join_counts),
     )
 

@@ -46,8 +46,8 @@ class CheckTrace:
 
     Parameters
     ----------
-    check, source, object : str
-        What was checked; see `CheckResult`.
+    check, source : str
+        What was checked; see `CheckResult`. A check of objects counts as one, by the worst object of each frame.
     statistic, threshold : array (N,)
         NaN where nothing was tested.
     units : tuple of str
@@ -62,7 +62,6 @@ class CheckTrace:
 
     check: str
     source: str
-    object: str | None
     statistic: FloatArray
     threshold: FloatArray
     units: tuple[str, ...]
@@ -189,6 +188,13 @@ def _gap(length: int) -> array[float]:
     return array("d", [math.nan]) * max(length, 0)
 
 
+def _urgency(result: CheckResult) -> float:
+    """Sorts the worst of a check's answers first; those without a statistic keep their order."""
+    if result.object is None or result.status is not Status.CONTRADICTED:
+        return 0.0
+    return -(result.statistic or 0.0) - 1.0
+
+
 class TraceRecorder:
     """Collects a `Trace`, frame by frame.
 
@@ -210,7 +216,7 @@ class TraceRecorder:
         self._frames, self._stamps_ns, self._status = array("q"), array("q"), array("b")
         self._latency_ms, self._decode_ms = array("f"), array("f")
         self._claimed_m, self._seen_m = array("d"), array("d")
-        self._checks: dict[tuple[str, str, str | None], _CheckColumns] = {}
+        self._checks: dict[tuple[str, str], _CheckColumns] = {}
         self._positions: dict[tuple[str, str], tuple[array[int], array[float]]] = {}
         self._odometry_frame_id: str | None = None
 
@@ -230,10 +236,10 @@ class TraceRecorder:
         self._decode_ms.append(step.decode_ms)
         for column, T in ((self._claimed_m, T_odom_cam_claimed), (self._seen_m, T_odom_cam_seen)):
             column.extend([math.nan] * 3 if T is None else T.t.tolist())
-        for result in verdict.checks:
-            key = (result.check, result.source, result.object)
+        for result in sorted(verdict.checks, key=_urgency):
+            key = (result.check, result.source)
             columns = self._checks.setdefault(key, _CheckColumns.after(done))
-            if len(columns.status) == done:  # a check answers once a frame
+            if len(columns.status) == done:  # once a frame; of several objects, the worst
                 columns.add(result)
         for columns in self._checks.values():
             columns.pad(done + 1)
@@ -272,11 +278,10 @@ class TraceRecorder:
         )
 
 
-def _check_trace(key: tuple[str, str, str | None], columns: _CheckColumns) -> CheckTrace:
+def _check_trace(key: tuple[str, str], columns: _CheckColumns) -> CheckTrace:
     return CheckTrace(
         check=key[0],
         source=key[1],
-        object=key[2],
         statistic=np.array(columns.statistic),
         threshold=np.array(columns.threshold),
         units=tuple(unit for unit, _ in columns.units.most_common()),

@@ -1,0 +1,142 @@
+"""What the report shows of an accused object: its film strip, and how its pixels held together (figures 5c, 5d)."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import cv2
+import numpy as np
+
+from belie.evaluation.figures import ALERT, QUIET, SEEN, svg
+from belie.evaluation.film import SIDE_PX, Film, Shot
+from belie.evaluation.run import Run
+from belie.types import AlertType
+
+_GAP_PX = 10
+_JPEG_QUALITY = 85
+_PAPER_LIMIT_PX2 = 20.0  # T4
+_LEAST_PX2 = 0.01
+_MOST_CORNERS = 40
+_WRONG = {
+    AlertType.OBSTACLE_HIDING: "not reported",
+    AlertType.OBJECT_MISCLASSIFICATION: "reported as something else",
+    AlertType.OBSTACLE_INJECTION: "reported, though it is not there",
+}
+
+
+def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
+    """One film, for the template."""
+    strip = film.strip()
+    return {
+        "title": _title(film),
+        "words": _words(run, film),
+        "width": len(strip) * (SIDE_PX + _GAP_PX) - _GAP_PX,
+        "side": SIDE_PX,
+        "shots": [
+            {
+                "x": k * (SIDE_PX + _GAP_PX),
+                "when": f"{run.trace.since_start_s([shot.stamp_ns])[0]:.2f} s: {role}",
+                "told": _told(shot),
+                "is_wrong": _row(film, shot) == "missing",
+                **_drawn(shot),
+            }
+            for k, (role, shot) in enumerate(strip)
+        ],
+        "wrong": _WRONG[film.alert.type],
+        "error": _error_figure(run, film, f"film{index}"),
+    }
+
+
+def _drawn(shot: Shot) -> dict[str, Any]:
+    ok, data = cv2.imencode(".jpg", shot.picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    assert ok
+    corners = np.column_stack([shot.observed, shot.predicted])[:_MOST_CORNERS]
+    return {
+        "data": base64.b64encode(data.tobytes()).decode("ascii"),
+        "box": shot.box.round(1).tolist(),
+        "detected": None if shot.detected is None else shot.detected.round(1).tolist(),
+        "corners": corners.round(1).tolist(),
+    }
+
+
+def _told(shot: Shot) -> str:
+    if shot.status == "reported":
+        return f"reported as {shot.told_label}"
+    return "not reported" if shot.status == "missing" else "no message for this frame"
+
+
+def _title(film: Film) -> str:
+    name = f"{film.label} {film.alert.object}"
+    source = film.alert.source
+    if film.alert.type is AlertType.OBSTACLE_HIDING:
+        return f"Hidden: {name}, by {source}"
+    if film.alert.type is AlertType.OBJECT_MISCLASSIFICATION:
+        return f"Misclassified: {name}, by {source}"
+    return f"Invented: {name}, by {source}"
+
+
+def _words(run: Run, film: Film) -> str:
+    onset_s, raised_s = run.trace.since_start_s([film.alert.onset_ns, film.raised_ns])
+    name = f"{film.label} {film.alert.object}"
+    source = film.alert.source
+    alarm = f"The alert was raised at {raised_s:.2f} s."
+    if film.alert.type is AlertType.OBSTACLE_HIDING:
+        return (
+            f"From {onset_s:.2f} s on {source} no longer reports {name}, although it is still in the picture: its "
+            f"corners can be followed from image to image, and they go on moving together. {alarm}"
+        )
+    if film.alert.type is AlertType.OBJECT_MISCLASSIFICATION:
+        called = f"calls it {film.told_label}" if film.told_label != film.label else "gives it another name"
+        return (
+            f"{source} had reported {name}; from {onset_s:.2f} s on it {called}. The pixels are still those of the "
+            f"same object: its corners were followed all the way through. {alarm}"
+        )
+    return (
+        f"From {onset_s:.2f} s on {source} reports {name} where the picture shows no object: the corners in its box "
+        f"do not move as one that stands or drives there. {alarm}"
+    )
+
+
+def _error_figure(run: Run, film: Film, name: str) -> str:
+    """``e^L`` over time, the span of the lie, and below it what the detector told."""
+    seconds = run.trace.since_start_s([shot.stamp_ns for shot in film.shots])
+    error = np.array([np.nan if s.error_px2 is None else max(s.error_px2, _LEAST_PX2) for s in film.shots])
+    onset, raised = run.trace.since_start_s([film.alert.onset_ns, film.raised_ns])
+    honest = [
+        shot.stamp_ns
+        for shot in film.shots
+        if shot.stamp_ns > film.raised_ns and _row(film, shot) == "reported"
+    ]
+    end = max(raised, seconds[-1] if not honest else run.trace.since_start_s([honest[0]])[0])
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots()
+        axes.set_yscale("log")
+        axes.set_ylim(_LEAST_PX2 * 0.25, _PAPER_LIMIT_PX2 * 3.0)
+        axes.axvspan(onset, end, color=ALERT, alpha=0.12, linewidth=0)
+        axes.axvline(raised, color=ALERT, linewidth=1.2)
+        axes.axhline(_PAPER_LIMIT_PX2, color=QUIET, linewidth=1.0, linestyle=(0, (5, 3)))
+        axes.annotate(
+            "20 px²: above, the pixels would not be the object's", (0.005, _PAPER_LIMIT_PX2), fontsize=8,
+            xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(0, 3), color="#555555",
+        )  # fmt: skip
+        axes.plot(seconds, error, color="#222222", linewidth=1.1, marker=".", markersize=4)
+        for status, color in (("reported", SEEN), ("missing", ALERT)):
+            at = [t for t, s in zip(seconds, film.shots, strict=True) if _row(film, s) == status]
+            axes.plot(at, [_LEAST_PX2 * 0.45] * len(at), linestyle="", marker="s", markersize=4, color=color)
+        axes.set_yticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"])
+        axes.minorticks_off()
+        axes.set_xlabel("time since the first frame [s]")
+        axes.set_ylabel("error [px²]")
+
+    return svg(draw, (9.0, 2.1), name)
+
+
+def _row(film: Film, shot: Shot) -> str:
+    """What a message told: "reported" what is true as far as is known, "missing" what is a lie."""
+    if film.alert.type is AlertType.OBJECT_MISCLASSIFICATION:
+        return "" if shot.status != "reported" else "missing" if shot.misnamed else "reported"
+    if film.alert.type is AlertType.OBSTACLE_INJECTION:
+        return "missing" if shot.status == "reported" else "reported" if shot.status == "missing" else ""
+    return shot.status
