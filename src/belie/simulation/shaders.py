@@ -1,7 +1,8 @@
 """The renderer's programs. Light is computed in linear colour, tone-mapped, and stored as its square root (gamma 2).
 
-What a weather lacks is left out by ``#define``, so that a foggy day does not pay for headlights. Opaque and cut-out
-surfaces have programs of their own: ``discard`` defeats early depth tests.
+What a weather or a material lacks is left out by ``#define``: a foggy day does not pay for headlights, nor a wall for
+the gloss of a car. llvmpipe never skips a branch, so that what is not compiled in is all that saves time. Opaque and
+cut-out surfaces have programs of their own: ``discard`` defeats early depth tests.
 """
 
 from __future__ import annotations
@@ -68,11 +69,9 @@ uniform vec3 headlight;
 uniform vec3 headlight_direction;
 uniform float headlight_power;
 uniform vec2 size;           // of the picture, for what the wet road mirrors
-uniform float detail_share;  // 0 on what moves: the noise is fixed to the world
 uniform float gloss;
 uniform float glow;
 uniform float wetness;
-uniform float two_sided;
 in vec3 v_world;
 in vec3 v_normal;
 in vec2 v_uv;
@@ -94,11 +93,17 @@ void main() {
     float range = length(offset);
     vec3 towards = offset / range;
     vec3 normal = normalize(v_normal);
-    if (two_sided > 0.5 && dot(normal, sun_direction) < 0.0) normal = normalize(normal + 0.9 * sun_direction);
+#ifdef TWO_SIDED
+    if (dot(normal, sun_direction) < 0.0) normal = normalize(normal + 0.9 * sun_direction);
+#endif
     vec3 albedo = texel.rgb * texel.rgb * v_colour.rgb * v_colour.rgb;
-    // Broad stains, fixed to the world, break the repetition of textures.
+#if defined(STAINED) || (defined(WET) && defined(GROUND))
     vec4 broad = texture(detail, (v_world.xy + v_world.z * vec2(0.8, 0.6)) * 0.023);
-    albedo *= 1.0 + detail_share * (0.45 * (broad.g - 0.5) + 0.2 * (broad.r - 0.5));
+#endif
+#ifdef STAINED
+    // Broad stains, fixed to the world, break the repetition of textures.
+    albedo *= 1.0 + 0.45 * (broad.g - 0.5) + 0.2 * (broad.r - 0.5);
+#endif
     float open = v_colour.a;
     vec3 light = mix(bounce_light, sky_light, 0.5 + 0.5 * normal.z) * open * open;
 #ifdef SUN
@@ -110,9 +115,10 @@ void main() {
     float inside = max(abs(v_sun.x - 0.5), abs(v_sun.y - 0.5));
     lit = mix(lit, 0.75, smoothstep(0.42, 0.5, inside));
     float falling = max(dot(normal, sun_direction), 0.0);
-    light += sun_light * falling * lit * (two_sided > 0.5 ? open : 1.0);
-#else
-    float lit = 0.0;
+#ifdef TWO_SIDED
+    falling *= open;
+#endif
+    light += sun_light * falling * lit;
 #endif
 #ifdef LAMPS
     float lamp = texture(lamp_map, (v_world.xy - lamp_area.xy) * lamp_area.zw).r;
@@ -131,7 +137,7 @@ void main() {
     float facing = clamp(dot(normal, towards), 0.0, 1.0);
     vec3 bounced = reflect(-towards, normal);
     float fresnel = pow(1.0 - facing, 4.0);
-#ifdef WET
+#if defined(WET) && defined(GROUND)
     // Puddles stand where broad noise is low; the rest is a dark film.
     vec4 noise = texture(detail, v_world.xy * 0.43);
     float puddle = smoothstep(0.40, 0.24, broad.b) * step(0.7, normal.z);
@@ -148,9 +154,11 @@ void main() {
     colour = mix(colour, seen * seen * 0.85, clamp(share, 0.0, 0.8));
 #endif
 #endif
+#ifdef GLOSS
     colour += gloss * sky_colour(bounced) * (0.10 + 0.90 * fresnel) * open;
 #ifdef SUN
     colour += gloss * sun_light * lit * pow(max(dot(bounced, sun_direction), 0.0), 90.0) * 4.0;
+#endif
 #endif
 #ifdef DECAL
     float glowing = 0.0;
@@ -160,7 +168,9 @@ void main() {
     float glowing = texel.a;
 #endif
     colour += texel.rgb * texel.rgb * glowing * max(glow, NIGHT_GLOW * (0.4 + 0.6 * v_colour.r));
+#ifdef HAZE
     colour = mix(fog_light, colour, exp(-extinction * range));
+#endif
     out_colour = vec4(tone(colour), 1.0);
 #ifdef CUTOUT
     out_colour.a = alpha;
