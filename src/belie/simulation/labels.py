@@ -136,8 +136,8 @@ def actor_silhouette(
 ) -> tuple[FloatArray, FloatArray] | None:
     """What an actor shows of its triangles, shape (M, 3, 2), px, and the edges around all of them, shape (4,).
 
-    Triangles that reach behind the camera are left out; None if nothing is left. Backs are not shown. Edges are counted from the image's
-    corner, triangles from the middle of the first pixel.
+    Triangles that reach behind the camera are left out; None if nothing is left. Backs are not shown.
+    Edges are counted from the image's corner, triangles from the middle of the first pixel.
     """
     from belie.simulation.articulation import part_pose
 

@@ -52,9 +52,7 @@ class ShadowMaps:
         for name, (texture, _) in self._maps.items():
             texture.use(UNITS[name])
 
-    def cast(
-        self, programs: Programs, stock: Stock, placed: list[Placed], T_world_cam: SE3
-    ) -> None:
+    def cast(self, programs: Programs, stock: Stock, placed: list[Placed], T_world_cam: SE3) -> None:
         """Draw both maps for a place of the camera."""
         if self._towards_sun is None:
             return
