@@ -131,7 +131,7 @@ class Imaging:
         return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / taps))
 
     def _rolled(self, base: FloatImage, motion: FloatImage) -> FloatImage:
-        """Where each row finds what it sees: a later row sees a point farther along its motion, so it came from behind."""
+        """Where each row finds what it sees: later, a point lies farther along its motion, so it came from behind."""
         late_s = ((self._grid[..., 1:] + 0.5) / self._camera.height - 0.5) * (
             1e-3 * self._settings.readout_ms
         )
