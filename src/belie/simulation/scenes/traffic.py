@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from belie.geometry import SE3
@@ -18,8 +20,17 @@ from belie.simulation.scenes.common import beside
 from belie.simulation.scenes.roadside import KERB_UP_M
 from belie.simulation.world import Actor
 
-_PARKED_KINDS, _PARKED_SHARES = ("car", "van", "truck"), (0.80, 0.16, 0.04)
 _MOVING_KINDS, _MOVING_SHARES = ("car", "van", "truck", "bus"), (0.62, 0.16, 0.12, 0.10)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parking:
+    """A row of parked vehicles: classes and their shares, the share of places taken, and the gaps between places."""
+
+    kinds: tuple[str, ...] = ("car", "van", "truck")
+    shares: tuple[float, ...] = (0.80, 0.16, 0.04)
+    taken: float = 0.62
+    gaps_m: tuple[float, float] = (0.9, 3.4)
 
 
 class Cast:
@@ -87,19 +98,19 @@ def parked_row(
     span_m: tuple[float, float],
     left_m: float,
     rng: np.random.Generator,
-    *,
-    share: float = 0.62,
+    parking: Parking | None = None,
 ) -> None:
     """Vehicles parked along a kerb; on the left they face the other way."""
+    parking = parking or Parking()
     way = span_m[0]
     while way < span_m[1]:
-        kind = str(rng.choice(_PARKED_KINDS, p=_PARKED_SHARES))
+        kind = str(rng.choice(parking.kinds, p=parking.shares))
         length = BODIES[kind].length_m
-        if rng.random() < share:
+        if rng.random() < parking.taken:
             turn = float(rng.normal(0.0, 0.012)) + (np.pi if left_m > 0 else 0.0)
             T = beside(path, way + 0.5 * length, left_m + float(rng.normal(0.0, 0.06)), 0.0, turn)
             cast.vehicle(kind, Parked(T=T), rng, lights=False)
-        way += length + float(rng.uniform(0.9, 3.4))
+        way += length + float(rng.uniform(*parking.gaps_m))
 
 
 def oncoming(
