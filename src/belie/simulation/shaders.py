@@ -102,7 +102,11 @@ void main() {
 #endif
 #ifdef STAINED
     // Broad stains, fixed to the world, break the repetition of textures.
+#ifdef GROUND
+    albedo *= 1.0 + 0.26 * (broad.g - 0.5) + 0.2 * (broad.r - 0.5);  // traffic wears a road evenly
+#else
     albedo *= 1.0 + 0.45 * (broad.g - 0.5) + 0.2 * (broad.r - 0.5);
+#endif
 #endif
     float open = v_colour.a;
     vec3 light = mix(bounce_light, sky_light, 0.5 + 0.5 * normal.z) * open * open;
