@@ -27,6 +27,9 @@ _BEHIND_M = 30.0  # of street behind the start
 _CAMERA = mount(1.75, 0.0, 1.45, pitch_down_deg=1.5)
 
 
+_HALF_PARKED = traffic.Parking()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Section:
     """A street across: lanes in each direction, and what is parked along the kerbs."""
@@ -34,7 +37,7 @@ class _Section:
     lanes: int = 1
     lane_m: float = 3.5
     parking_m: float = 2.3
-    parked: traffic.Parking = traffic.Parking()
+    parked: traffic.Parking = _HALF_PARKED
 
     @property
     def road_half_m(self) -> float:
