@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from belie.cli.attack import Encoding
+from belie.cli.output import Encoding
 from belie.cli.simulated_files import SimulatedFiles, Watcher
 
 if TYPE_CHECKING:

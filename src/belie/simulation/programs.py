@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from belie.simulation import shaders
+from belie.simulation import shaders, surface_shaders
 from belie.simulation.weather import Weather
 from belie.simulation.world import Material, World
 
@@ -83,7 +83,7 @@ class Programs:
         if key not in self._surfaces:
             own = dict.fromkeys((*key, *(("MIRROR",) if self._mirrors and not is_mirrored else ())), "")
             self._surfaces[key] = _compiled(
-                self._context, shaders.VERTEX, shaders.FRAGMENT, {**self._defines, **own}
+                self._context, surface_shaders.VERTEX, surface_shaders.FRAGMENT, {**self._defines, **own}
             )
         return self._surfaces[key]
 
@@ -133,13 +133,13 @@ def _compiled(
 
 def set_one(program: moderngl.Program, name: str, value: object) -> None:
     """Set a uniform; one that a weather's program does without is passed over."""
-    member = program.get(name, None)
+    member = cast("moderngl.Uniform | None", program.get(name, None))
     if member is None:
         return
     if isinstance(value, np.ndarray):
-        member.write(np.ascontiguousarray(value.T, np.float32).tobytes())  # type: ignore[union-attr]
+        member.write(np.ascontiguousarray(value.T, np.float32).tobytes())
     else:
-        member.value = value  # type: ignore[union-attr]
+        member.value = value
 
 
 def set_all(program: moderngl.Program, values: Mapping[str, object]) -> None:

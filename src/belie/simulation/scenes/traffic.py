@@ -14,7 +14,8 @@ from belie.simulation.meshes.furniture import (
     traffic_light_parts,
 )
 from belie.simulation.meshes.people import HEIGHT_M, person_parts
-from belie.simulation.meshes.vehicles import BODIES, PAINTS, brake_lamps, vehicle_glows, vehicle_parts
+from belie.simulation.meshes.vehicle_bodies import BODIES, PAINTS
+from belie.simulation.meshes.vehicles import brake_lamps, vehicle_glows, vehicle_parts
 from belie.simulation.motion import Drive, Motion, Parked, Path, SpeedProfile
 from belie.simulation.scenes.common import beside
 from belie.simulation.scenes.roadside import KERB_UP_M
@@ -60,36 +61,54 @@ class Cast:
         if brakes_s:
             parts = (*parts, brake_lamps(kind, brakes_s))
         glows = vehicle_glows(kind) if lights else ()
-        self._add(label=kind, dimensions_m=BODIES[kind].dimensions_m, motion=motion, parts=parts, glows=glows)
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label=kind,
+                dimensions_m=BODIES[kind].dimensions_m,
+                motion=motion,
+                parts=parts,
+                glows=glows,
+            )
+        )
 
     def person(self, motion: Motion, rng: np.random.Generator) -> None:
         """Add a person."""
         parts = person_parts(int(rng.integers(24)))
-        self._add(label="pedestrian", dimensions_m=(0.62, 0.58, HEIGHT_M + 0.03), motion=motion, parts=parts)
+        dimensions_m = (0.62, 0.58, HEIGHT_M + 0.03)
+        self.actors.append(
+            Actor(id=self._next_id, label="pedestrian", dimensions_m=dimensions_m, motion=motion, parts=parts)
+        )
 
     def sign(self, kind: str, T: SE3, *, patched: bool = False) -> None:
         """Add a traffic sign that faces x of its frame: ``stop`` or a speed limit."""
         is_stop = kind == "stop"
-        self._add(
-            label="stop sign" if is_stop else "speed sign",
-            dimensions_m=SIGN_DIMENSIONS_M["stop" if is_stop else "speed"],
-            motion=Parked(T=T),
-            parts=sign_parts(kind, patched=patched),
-            is_patched=patched,
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label="stop sign" if is_stop else "speed sign",
+                dimensions_m=SIGN_DIMENSIONS_M["stop" if is_stop else "speed"],
+                motion=Parked(T=T),
+                parts=sign_parts(kind, patched=patched),
+                is_patched=patched,
+            )
         )
 
     def traffic_light(self, T: SE3, cycle: tuple[tuple[str, tuple[float, float]], ...]) -> None:
         """Add a traffic light that faces x of its frame."""
-        parts = traffic_light_parts(cycle)
-        self._add(
-            label="traffic light",
-            dimensions_m=LIGHT_DIMENSIONS_M,
-            motion=Parked(T=T),
-            parts=parts,
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label="traffic light",
+                dimensions_m=LIGHT_DIMENSIONS_M,
+                motion=Parked(T=T),
+                parts=traffic_light_parts(cycle),
+            )
         )
 
-    def _add(self, **values: object) -> None:
-        self.actors.append(Actor(id=len(self.actors) + 1, **values))  # type: ignore[arg-type]
+    @property
+    def _next_id(self) -> int:
+        return len(self.actors) + 1
 
 
 def parked_row(
