@@ -15,7 +15,8 @@ from _recordings import MemoryRecording
 from belie.attacks import AttackLabel, attack
 from belie.detector import Config, Detector
 from belie.detector.default_profile import DefaultProfile
-from belie.evaluation.score import RaisedAlert, score, wilson_interval
+from belie.evaluation.intervals import wilson_interval
+from belie.evaluation.score import RaisedAlert, score
 from belie.odometry import VisualOdometry
 from belie.types import Frame, PositionClaim, Status, Step, Verdict, VisualEstimate
 

@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 
 from belie.geometry import SE3, CameraModel
-from belie.types import Claim, Frame, MotionClaim, MountedCamera, PoseClaim, PositionClaim, Step
+from belie.types import (
+    Claim,
+    Detection,
+    DetectionClaim,
+    Frame,
+    MotionClaim,
+    MountedCamera,
+    PoseClaim,
+    PositionClaim,
+    Step,
+)
 
 MS = 1_000_000
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -41,6 +51,7 @@ class Curve:
             *(c for t in range(0, frames * 100, odometry_ms) for c in self._odometry(t * MS)),
             *(self._imu(t * MS) for t in range(2, frames * 100, 5)),
             *(self._position(t * MS) for t in range(33, frames * 100, 100)),
+            *(self._detections(t * MS) for t in range(0, frames * 100, 100)),
         ]
         claims.sort(key=lambda claim: claim.stamp_ns)
         self._claims = self._by_frame(claims)
@@ -91,6 +102,25 @@ class Curve:
             received_ns=EPOCH_NS + t_ns,
             angular_rad_s=twist[3:],
             acceleration_m_s2=T.R.T @ np.array([0.0, 0.0, 9.81]),
+        )
+
+    def _detections(self, t_ns: int) -> Claim:
+        return DetectionClaim(
+            source="/detections",
+            stamp_ns=EPOCH_NS + t_ns,
+            received_ns=EPOCH_NS + t_ns + 20 * MS,
+            detections=tuple(
+                Detection(
+                    label=label,
+                    score=0.8,
+                    track_id=str(index),
+                    box_px=[left, 4, left + 4 - 0.5 * index, 11],
+                    position_m=[(left - 10) / 2.0, 0.1, 10.0 + index],
+                )
+                for index, (label, left) in enumerate(
+                    zip(("car", "van", "bus", "car", "truck"), (0, 5, 10, 15, 20), strict=True), start=1
+                )
+            ),
         )
 
     def _position(self, t_ns: int) -> Claim:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from belie.attacks import AttackSpec, attack
 from belie.attacks.catalogue import ATTACKS
-from belie.types import AlertType, AttackError, MotionClaim, PoseClaim, PositionClaim, Step
+from belie.types import AlertType, AttackError, DetectionClaim, MotionClaim, PoseClaim, PositionClaim, Step
 
 FRAMES = 30
 
@@ -27,6 +27,17 @@ def specs(draw):
                 if entry.stream == "position":
                     axes = st.sampled_from(option.choices)
                 options["axis"] = draw(st.one_of(st.none(), axes) if optional else axes)
+            case "rate" | "factor" if entry.stream == "detections":
+                options[option.name] = 1.0 if entry.kind == "patch" else draw(st.floats(0.1, 0.9))
+            case "x" | "y" | "w" | "h":
+                # The camera of this recording sees no road.
+                options[option.name] = draw(st.floats(0.5, 10.0))
+            case "to" | "label":
+                options[option.name] = draw(st.uuids().map(str))
+            case "motion" | "mode":
+                options[option.name] = draw(st.sampled_from(option.choices))
+            case "dx" | "dy":
+                options[option.name] = draw(st.floats(-2.0, 2.0))
             case "rate" | "factor" | "value" | "amplitude":
                 options[option.name] = draw(number)
             case "sigma" | "noise":
@@ -61,7 +72,8 @@ def test_every_attack_keeps_to_its_stream_and_span(curve, bits, spec, axes):
         if not (inside and spec.stream == "camera"):
             assert bits(old.frame) == bits(new.frame)
         for a, b in zip(old.claims, new.claims, strict=True):
-            role = {PoseClaim: "odometry", PositionClaim: "position"}.get(type(a))
+            roles = {PoseClaim: "odometry", PositionClaim: "position", DetectionClaim: "detections"}
+            role = roles.get(type(a))
             role = role or ("imu" if isinstance(a, MotionClaim) and a.kind == "imu" else "odometry")
             assert (type(a), a.source, a.stamp_ns, a.received_ns) == (
                 type(b),
@@ -215,7 +227,8 @@ def test_spans_that_make_no_sense(curve, text, says):
 def test_a_topic_that_is_not_there(curve):
     attacked = attack(curve(), "odometry-freeze:start=5,source=/wheel")
     with pytest.raises(
-        AttackError, match=r"no odometry claims of /wheel .* has /gps \(position\), /imu \(imu\), /odom"
+        AttackError,
+        match=r"no odometry claims of /wheel .* has /detections \(detections\), /gps \(position\), /imu \(imu\), /odom",
     ):
         _ = attacked.labels
     with pytest.raises(AttackError, match="no odometry claims of /wheel"):

@@ -24,6 +24,20 @@ def test_round_trip(labels, tmp_path):
     assert isinstance(read_labels(path)[0], AttackLabel)
 
 
+def test_objects_are_written_and_older_files_read(curve, tmp_path):
+    specs = ["detections-swap:start=9", "odometry-freeze:start=9"]
+    labels = attack(curve(), specs).labels
+    path = labels_path(tmp_path / "out.mcap")
+    write_labels(path, labels)
+    document = json.loads(path.read_text())
+    assert [(entry["object"], entry["other"]) for entry in document["labels"]] == [("1", "2"), (None, None)]
+    assert read_labels(path) == labels
+    for entry in document["labels"]:
+        del entry["object"], entry["other"]
+    path.write_text(json.dumps(document))
+    assert [label.object for label in read_labels(path)] == [None, None]
+
+
 def damage(document, how):
     label = document["labels"][0]
     match how:

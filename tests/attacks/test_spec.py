@@ -23,6 +23,7 @@ CLAIM_KINDS = [
     "flip",
 ]
 CAMERA_KINDS = ["freeze", "replay", "delay", "black", "cover", "noise"]
+OBJECT_KINDS = ["hide", "relabel", "shift", "shrink", "phantom", "swap", "delay", "patch"]
 
 
 def test_public_api():
@@ -45,6 +46,7 @@ def test_public_api():
 def test_every_kind_exists_on_every_stream():
     names = {f"{stream}-{kind}" for stream in ("odometry", "imu", "position") for kind in CLAIM_KINDS}
     names |= {f"camera-{kind}" for kind in CAMERA_KINDS} | {"paper-odometry", "paper-position"}
+    names |= {f"detections-{kind}" for kind in OBJECT_KINDS} | {"paper-hiding", "paper-misclassification"}
     assert set(ATTACKS) == names
     assert all(name in describe_attacks() for name in names)
 
@@ -99,6 +101,12 @@ def test_units_names_and_aliases():
         ("imu-bias:rate=1,magnitude=2", "magnitude means rate"),
         ("imu-delay:delay=0", "> 0"),
         ("imu-flip:seed=-1", ">= 0"),
+        ("detections-vanish", "Known: detections-hide"),
+        ("detections-phantom:x=3,y=4,w=10", "needs all of x, y, w, h [px], or none"),
+        ("detections-phantom:object=7", "no option 'object'"),
+        ("detections-patch:rate=1.2", "<= 1"),
+        ("detections-patch:mode=shine", "one of hide, relabel"),
+        ("detections-shrink:factor=0", "> 0"),
     ],
 )
 def test_nonsense_is_refused_in_one_line(text, says):

@@ -70,3 +70,30 @@ def test_bad_attacks_are_one_line(run, drive, tmp_path, specs, output, expected)
 def test_labels_are_json_that_others_can_read(attacked):
     document = json.loads(attacked.with_name(f"{attacked.name}.labels.json").read_text())
     assert document["format"] == "belie-attack-labels"
+
+
+def test_objects_of_a_file_are_attacked(run, drive, tmp_path):
+    labels = tmp_path / "0000.txt"
+    lines = [f"{k} 4 Car 0 0 0 {40 + k} 60 {140 + k} 120 1.5 1.8 4.2 1.0 1.6 12.0 -1.57\n" for k in range(90)]
+    labels.write_text("".join(lines))
+    output = tmp_path / "hidden.mcap"
+    result = run("attack", drive, "paper-hiding:start=60", "--detections", labels, "-o", output)
+    assert result.exit_code == 0, result.output
+    assert "dimensions of objects with image boxes are left out" in result.stderr
+    (label,) = read_labels(f"{output}.labels.json")
+    assert (label.object, label.alert.value, label.sources) == ("4", "obstacle_hiding", ("/detections",))
+    claims = [c for step in open_recording(output).steps() for c in step.claims if c.source == "/detections"]
+    assert [k for k, claim in enumerate(claims) if not claim.detections] == list(range(60, 70))
+    shown = run("info", drive, "--detections", labels)
+    assert "0000.txt (KITTI tracking labels)" in shown.stdout
+    wrong = run(
+        "attack",
+        drive,
+        "detections-hide:object=5,start=60",
+        "--detections",
+        labels,
+        "-o",
+        tmp_path / "x.mcap",
+    )
+    assert (wrong.exit_code, wrong.stderr.count("\n")) == (2, 1)
+    assert "no object 5 to attack in frames 60 to 90; /detections has 4 (Car)" in wrong.stderr

@@ -86,9 +86,19 @@ def test_settings_from_file_and_flags(run, drive, tmp_path):
     assert len(undecided) >= 30
 
 
+def test_a_detector_that_cannot_be_used_is_one_line(run, drive, tmp_path):
+    text = tmp_path / "text.onnx"
+    text.write_text("hello")
+    for model, expected in ((tmp_path / "none.onnx", "no such file"), (text, "is no ONNX model")):
+        result = run("check", drive, "--detector", model)
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+        assert expected in result.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
+        (["{drive}", "--detections", "boxes.txt"], "--detections boxes.txt: no such file"),
         (["no/such.mcap"], "no/such.mcap does not exist"),
         (["{drive}", "--profile", "fast"], "profile"),
         (["{drive}", "--config", "none.toml"], "cannot read the configuration none.toml"),

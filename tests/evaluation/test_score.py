@@ -1,6 +1,7 @@
 """Scores: hits, misses, delays, wrong accusations and false alerts, with their intervals."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -8,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest, poisson
 
 from belie.attacks import AttackLabel
-from belie.evaluation.score import Score, poisson_upper, pool_scores, score, wilson_interval
+from belie.evaluation.intervals import poisson_upper, wilson_interval
+from belie.evaluation.score import Score, pool_scores, score
 from belie.types import Alert, AlertType, Status, Verdict
 
 FRAME_NS = 100_000_000
@@ -183,3 +185,84 @@ def test_misuse_is_refused():
         wilson_interval(3, 2)
     with pytest.raises(ValueError, match="not negative"):
         poisson_upper(-1)
+
+
+HIDING, INJECTION = AlertType.OBSTACLE_HIDING, AlertType.OBSTACLE_INJECTION
+RELABELLED = AlertType.OBJECT_MISCLASSIFICATION
+
+
+def object_label(kind="hide", alert=HIDING, object="7", other=None):
+    return AttackLabel(
+        name=f"detections-{kind}",
+        text=f"detections-{kind}:start=30,stop=40",
+        stream="detections",
+        sources=("/detections",),
+        alert=alert,
+        start_frame=30,
+        stop_frame=40,
+        start_ns=30 * FRAME_NS,
+        onset_ns=30 * FRAME_NS,
+        end_ns=40 * FRAME_NS,
+        seed=0,
+        object=object,
+        other=other,
+    )
+
+
+def object_run(alert_type, object, frame=33, source="/detections"):
+    alert = Alert(type=alert_type, source=source, onset_ns=0, object=object)
+    empty = run({})
+    return [*empty[:frame], replace(empty[frame], alerts=(alert,)), *empty[frame + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("kind", "attack_type", "object", "raised", "named", "hits", "false", "wrong"),
+    [
+        ("hide", HIDING, "7", HIDING, "7", 1, 0, 0),
+        ("hide", HIDING, "7", HIDING, "8", 0, 1, 0),  # another object: a false alert
+        ("hide", HIDING, "7", HIDING, None, 1, 0, 0),
+        ("hide", HIDING, None, HIDING, "#3", 1, 0, 0),  # no ids: belie numbers the objects itself
+        ("hide", HIDING, "7", INJECTION, "7", 0, 0, 1),  # the right object, but no hiding
+        ("hide", HIDING, "7", ODOMETRY, None, 0, 0, 1),
+        ("shift", HIDING, "7", INJECTION, "7", 1, 0, 0),
+        ("shift", HIDING, "7", HIDING, "7", 1, 0, 0),
+        ("shrink", HIDING, "7", INJECTION, "7", 1, 0, 0),
+        ("delay", HIDING, None, INJECTION, "9", 1, 0, 0),
+        ("relabel", RELABELLED, "7", RELABELLED, "7", 1, 0, 0),
+        ("relabel", RELABELLED, "7", HIDING, "7", 0, 0, 1),
+        ("phantom", INJECTION, "9001", INJECTION, "9001", 1, 0, 0),
+        ("phantom", INJECTION, "9001", INJECTION, "7", 0, 1, 0),
+    ],
+)
+def test_attacks_on_objects(kind, attack_type, object, raised, named, hits, false, wrong):
+    result = score(object_run(raised, named), [object_label(kind, attack_type, object)])
+    assert (result.hits, len(result.false_alerts), len(result.wrong_attributions)) == (hits, false, wrong)
+
+
+def test_a_swap_may_be_told_of_either_object():
+    swap = object_label("swap", RELABELLED, "7", other="9")
+    assert [score(object_run(RELABELLED, name), [swap]).hits for name in ("7", "9", "8")] == [1, 1, 0]
+
+
+def test_the_source_must_be_right_for_objects_too():
+    result = score(object_run(HIDING, "7", source="/other"), [object_label()])
+    assert (result.hits, len(result.wrong_attributions)) == (0, 1)
+
+
+def test_scores_by_type():
+    both = pool_scores(
+        [
+            score(object_run(HIDING, "7"), [object_label(), label(60, 70)]),
+            score(object_run(INJECTION, "8"), [object_label("phantom", INJECTION, "9001")]),
+        ]
+    )
+    parts = both.by_type()
+    assert list(parts) == [ODOMETRY, HIDING, INJECTION]
+    assert [(len(part.labels), part.hits, len(part.false_alerts)) for part in parts.values()] == [
+        (1, 0, 0),
+        (1, 1, 0),
+        (1, 0, 1),
+    ]
+    told = both.to_json()
+    assert told["by_type"]["obstacle_hiding"]["success_rate"] == 1.0
+    assert [one["object"] for one in told["labels"]] == ["7", None, "9001"]

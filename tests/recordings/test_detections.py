@@ -113,6 +113,30 @@ def test_what_vision_msgs_cannot_hold_is_refused(tmp_path):
         write(tmp_path / "both.mcap", claim((both,)))
 
 
+def test_empty_claims_take_the_type_of_their_topic(tmp_path):
+    path = tmp_path / "out.mcap"
+    steps = [
+        Step(
+            frame=Frame(camera="/cam/image", stamp_ns=k * 10**8, received_ns=k * 10**8, image=IMAGE),
+            claims=(claim(solids() if k in (2, 4) else (), stamp_ns=k * 10**8),),
+        )
+        for k in range(1, 6)
+    ]
+    write_mcap(path, steps, cameras={"/cam/image": CAMERA}, body_axes="flu")
+    back = [c for step in open_recording(path).steps() for c in step.claims]
+    assert [(c.stamp_ns // 10**8, len(c.detections)) for c in back] == [
+        (1, 0),
+        (2, 2),
+        (3, 0),
+        (4, 2),
+        (5, 0),
+    ]
+    silent = tmp_path / "silent.mcap"
+    bare = [Step(frame=step.frame, claims=(claim((), stamp_ns=step.frame.stamp_ns),)) for step in steps]
+    write_mcap(silent, bare, cameras={"/cam/image": CAMERA}, body_axes="flu")
+    assert len([c for step in open_recording(silent).steps() for c in step.claims]) == 5
+
+
 def test_misuse_of_a_detection():
     with pytest.raises(ValueError, match="left, top, right, bottom"):
         Detection(label="car", score=1, box_px=[3, 0, 1, 1])

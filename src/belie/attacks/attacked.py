@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from belie.attacks.camera import camera_steps
-from belie.attacks.catalogue import Stream
+from belie.attacks.detections import DetectionAttack, detection_steps
+from belie.attacks.expected_alert import expected_alert
 from belie.attacks.imu import imu_steps
+from belie.attacks.kind import Stream
 from belie.attacks.labels import AttackLabel
 from belie.attacks.odometry import odometry_steps
 from belie.attacks.plan import Plan
@@ -21,7 +23,6 @@ from belie.attacks.spec import AttackSpec, parse_attack
 from belie.attacks.stream import Upstream, nothing_to_attack, reading
 from belie.attacks.timing import NS_PER_S, FrameClock
 from belie.types import (
-    AlertType,
     AttackError,
     Claim,
     DetectionClaim,
@@ -36,12 +37,7 @@ _STAGES = {
     "imu": imu_steps,
     "position": position_steps,
     "camera": camera_steps,
-}
-_ALERTS: dict[Stream, AlertType] = {
-    "odometry": AlertType.ODOMETRY_SPOOFING,
-    "imu": AlertType.ODOMETRY_SPOOFING,
-    "position": AlertType.POSITION_SPOOFING,
-    "camera": AlertType.CAMERA_FAULT,
+    "detections": detection_steps,
 }
 # A source that has been silent this long after the onset is not waited for in the labels.
 _LABEL_WAIT_NS = 5 * NS_PER_S
@@ -91,7 +87,8 @@ class AttackedRecording:
     def __init__(self, source: Source, specs: Iterable[AttackSpec]) -> None:
         self._source = source
         clock = FrameClock(source.frame_stamps_ns())
-        self._plans = tuple(Plan.of(spec, clock, source.body_axes) for spec in specs)
+        camera = next(iter(source.cameras.values()), None)
+        self._plans = tuple(Plan.of(spec, clock, source.body_axes, camera) for spec in specs)
         for plan in self._plans:
             _check_camera(plan, source.cameras)
 
@@ -142,51 +139,76 @@ class AttackedRecording:
             Where an attack finds nothing to act on.
         """
         earlier = self._source.labels if isinstance(self._source, AttackedRecording) else ()
-        onsets = self._onsets()
         last_ns = int(self.frame_stamps_ns()[-1])
-        return (*earlier, *(_label(p, o, last_ns) for p, o in zip(self._plans, onsets, strict=True)))
+        return (*earlier, *(_label(found, last_ns) for found in self._found()))
 
-    def _onsets(self) -> list[dict[str, int]]:
+    def _found(self) -> list[_Found]:
         """For every attack, the stamp of the first message that lies, by source."""
-        onsets: list[dict[str, int]] = [
-            dict.fromkeys(_attacked_cameras(plan, self.cameras), plan.span.start_ns) for plan in self._plans
-        ]
-        claimed = [(p, o) for p, o in zip(self._plans, onsets, strict=True) if p.spec.stream != "camera"]
+        every = [_Found(plan, self.cameras) for plan in self._plans]
+        claimed = [found for found in every if found.plan.spec.stream != "camera"]
         present: dict[str, None] = {}
-        enough_ns = max((plan.span.start_ns for plan, _ in claimed), default=0) + _LABEL_WAIT_NS
+        enough_ns = max((found.plan.span.start_ns for found in claimed), default=0) + _LABEL_WAIT_NS
         with reading(self._source.steps if claimed else lambda: iter(())) as steps:
             for step in steps:
                 for claim in step.claims:
                     present.setdefault(f"{claim.source} ({_stream_of(claim)})")
-                    for plan, found in claimed:
-                        if plan.selects(claim) and plan.span.holds(claim.stamp_ns):
-                            found[claim.source] = min(claim.stamp_ns, found.get(claim.source, claim.stamp_ns))
-                if step.frame.stamp_ns > enough_ns and all(found for _, found in claimed):
+                    sent = claim
+                    for found in claimed:
+                        sent = found.look(sent)
+                if step.frame.stamp_ns > enough_ns and all(found.onsets for found in claimed):
                     break
-        for plan, found in claimed:
-            if not found:
-                raise nothing_to_attack(plan, tuple(sorted(present)))
-        return onsets
+        for found in claimed:
+            if not found.onsets:
+                raise found.nothing(tuple(sorted(present)))
+        return every
 
 
-def _label(plan: Plan, onsets: dict[str, int], last_ns: int) -> AttackLabel:
-    onset_ns = min(onsets.values())
+class _Found:
+    """What one attack does in the pass that makes the labels: onsets by source, and the object."""
+
+    def __init__(self, plan: Plan, cameras: Mapping[str, MountedCamera]) -> None:
+        self.plan = plan
+        self.detections = DetectionAttack(plan) if plan.spec.stream == "detections" else None
+        attacked = _attacked_cameras(plan, cameras)
+        self.onsets = (
+            self.detections.onsets if self.detections else dict.fromkeys(attacked, plan.span.start_ns)
+        )
+
+    def look(self, claim: Claim) -> Claim:
+        """Take note of a claim; an object is told by what the attacks before this one leave of it."""
+        if self.detections is not None:
+            return self.detections.forge(claim)
+        if self.plan.selects(claim) and self.plan.span.holds(claim.stamp_ns):
+            self.onsets[claim.source] = min(claim.stamp_ns, self.onsets.get(claim.source, claim.stamp_ns))
+        return claim
+
+    def nothing(self, present: tuple[str, ...]) -> AttackError:
+        """The error where it finds nothing to act on in a recording of these streams."""
+        if self.detections is not None:
+            return self.detections.nothing_to_forge(present)
+        return nothing_to_attack(self.plan, present)
+
+
+def _label(found: _Found, last_ns: int) -> AttackLabel:
+    plan, onset_ns = found.plan, min(found.onsets.values())
     return AttackLabel(
         name=plan.spec.name,
         text=plan.spec.to_text(),
         stream=plan.spec.stream,
-        sources=tuple(sorted(onsets)),
-        alert=_ALERTS[plan.spec.stream],
+        sources=tuple(sorted(found.onsets)),
+        alert=expected_alert(plan.spec),
         start_frame=plan.span.start_frame,
         stop_frame=plan.span.stop_frame,
         start_ns=plan.span.start_ns,
         onset_ns=onset_ns,
         end_ns=max(last_ns, onset_ns) if plan.span.end_ns is None else plan.span.end_ns,
         seed=int(plan.spec.number("seed")),
+        object=found.detections.object if found.detections else None,
+        other=found.detections.other if found.detections else None,
     )
 
 
-def _stream_of(claim: Claim) -> Stream | Literal["detections"]:
+def _stream_of(claim: Claim) -> Stream:
     match claim:
         case DetectionClaim():
             return "detections"

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
+from belie.attacks.kind import COMMON, RESTORE, AttackKind, Stream, delay_option
+from belie.attacks.object_catalogue import detection_attacks, paper_object_attacks
 from belie.attacks.option import Option
-from belie.attacks.timing import Timing
-
-Stream = Literal["odometry", "imu", "position", "camera"]
 
 ROTATIONS = ("roll", "pitch", "yaw")
 VEHICLE_AXES = ("forward", "left", "up")
@@ -16,70 +12,12 @@ _AXES: dict[Stream, tuple[str, ...]] = {
     "odometry": ("x", "y", "z", *VEHICLE_AXES, *ROTATIONS),
     "imu": ("x", "y", "z", *VEHICLE_AXES, *ROTATIONS),
     "position": ("x", "y", "z", *VEHICLE_AXES),
-    "camera": (),
 }
 _UNIT: dict[Stream, str] = {
     "odometry": "m or deg",
     "imu": "deg/s or m/s²",
     "position": "m",
-    "camera": "gray levels",
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AttackKind:
-    """One named attack.
-
-    Parameters
-    ----------
-    name, stream, kind : str
-        ``odometry-offset`` is the kind ``offset`` on the stream ``odometry``.
-    summary : str
-        One line for the user.
-    options : tuple of Option
-        In the order in which they are printed.
-    strength : str or None
-        The option that ``magnitude`` stands for.
-    frames : int or None
-        How many frames it lasts where no stop is given; None: to the end.
-
-    Examples
-    --------
-    >>> ATTACKS["paper-odometry"].kind, ATTACKS["paper-odometry"].frames
-    ('offset', 10)
-    """
-
-    name: str
-    stream: Stream
-    kind: str
-    summary: str
-    options: tuple[Option, ...]
-    strength: str | None = None
-    frames: int | None = None
-
-
-_START = Option(
-    name="start",
-    form="timing",
-    unit="frame, or s",
-    default=Timing(value=100, unit="frame"),
-    meaning="first attacked frame",
-)
-_STOP = Option(
-    name="stop",
-    form="timing",
-    unit="frame, or s",
-    meaning="first honest frame again; end of the recording if left out",
-)
-_SOURCE = Option(name="source", form="text", meaning="topic to attack; all of this stream if left out")
-_SEED = Option(name="seed", form="integer", default=0, least=0, meaning="of everything random")
-COMMON = (_START, _STOP, _SOURCE, _SEED)
-RESTORE = Option(
-    name="restore",
-    form="flag",
-    default=True,
-    meaning="true: the true pose returns at stop; false: the error stays and increments are honest again",
-)
 
 
 def _axis(stream: Stream, default: str | None, meaning: str = "which coordinate or direction") -> Option:
@@ -98,17 +36,6 @@ def _number(
 ) -> Option:
     return Option(
         name=name, form="number", unit=unit, meaning=meaning, required=True, above=above, least=least
-    )
-
-
-def _delay(frames: int) -> Option:
-    return Option(
-        name="delay",
-        form="timing",
-        unit="frames, or s",
-        default=Timing(value=frames, unit="frame"),
-        above=0.0,
-        meaning="age of the content that is sent",
     )
 
 
@@ -152,8 +79,8 @@ def _claim_attacks(stream: Stream) -> list[AttackKind]:
             "value",
         ),
         ("freeze", "the last honest value is repeated (the twist is zero)", (), None),
-        ("replay", "values already sent are sent again, `delay` later", (_delay(20),), "delay"),
-        ("delay", "the stream stalls for `delay`, then runs that much late", (_delay(5),), "delay"),
+        ("replay", "values already sent are sent again, `delay` later", (delay_option(20),), "delay"),
+        ("delay", "the stream stalls for `delay`, then runs that much late", (delay_option(5),), "delay"),
         (
             "sinusoid",
             "an error that swings",
@@ -216,8 +143,13 @@ def _camera_attacks() -> list[AttackKind]:
     sigma = _number("sigma", "gray levels", "standard deviation", least=0.0)
     table: list[tuple[str, str, tuple[Option, ...], str | None]] = [
         ("freeze", "the last honest image is repeated, bit for bit", (grain,), None),
-        ("replay", "images already sent are sent again, `delay` later, bit for bit", (_delay(20),), "delay"),
-        ("delay", "the picture stalls for `delay`, then runs that much late", (_delay(5),), "delay"),
+        (
+            "replay",
+            "images already sent are sent again, `delay` later, bit for bit",
+            (delay_option(20),),
+            "delay",
+        ),
+        ("delay", "the picture stalls for `delay`, then runs that much late", (delay_option(5),), "delay"),
         ("black", "one gray level everywhere", (level, grain), "level"),
         ("cover", "something stands before the lens", (fraction, texture, level, grain), "fraction"),
         ("noise", "white Gaussian noise on every pixel", (sigma,), "sigma"),
@@ -264,9 +196,11 @@ ATTACKS: dict[str, AttackKind] = {
     entry.name: entry
     for entry in [
         *_paper_attacks(),
+        *paper_object_attacks(),
         *_claim_attacks("odometry"),
         *_claim_attacks("imu"),
         *_claim_attacks("position"),
         *_camera_attacks(),
+        *detection_attacks(),
     ]
 }

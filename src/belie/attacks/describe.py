@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from belie.attacks.catalogue import ATTACKS, COMMON, RESTORE, AttackKind
+from belie.attacks.catalogue import ATTACKS
+from belie.attacks.kind import COMMON, OBJECT, RESTORE, AttackKind
 from belie.attacks.option import Option
 
 _INTRODUCTION = """\
@@ -14,6 +15,10 @@ axis    x, y, z: the coordinates the claim is written in (IMU: of the angular ra
         [axis] may be left out: all three directions.
 *       the option that `magnitude` stands for; offset takes either magnitude or rate."""
 
+_SHARED = (*COMMON, RESTORE, OBJECT)
+# Streams whose kinds do what no other stream's kind of the same name does.
+_OWN_MEANING = ("camera", "detections")
+
 
 def describe_attacks() -> str:
     """The table of attacks, their options, units and defaults, as plain text.
@@ -21,15 +26,15 @@ def describe_attacks() -> str:
     >>> print(describe_attacks().splitlines()[0])
     SPEC is name:option=value,option=value; several compose, the first acts first.
     """
-    lines = [_INTRODUCTION, "", "Options of every attack (restore: of odometry)"]
-    lines += [f"  {_usage(option, None):<34} {option.meaning}" for option in (*COMMON, RESTORE)]
+    lines = [_INTRODUCTION, "", "Options of every attack (restore: of odometry; object: of detections)"]
+    lines += [f"  {_usage(option, None):<34} {option.meaning}" for option in _SHARED]
     lines += ["", "Attacks"]
     for attack in ATTACKS.values():
-        own = [option for option in attack.options if option not in (*COMMON, RESTORE)]
+        own = [option for option in attack.options if option not in _SHARED]
         usages = " ".join(_usage(option, attack.strength) for option in own)
-        lines.append(f"  {attack.name:<18} {usages}".rstrip())
+        lines.append(f"  {attack.name:<24} {usages}".rstrip())
     lines += ["", "What they do"]
-    lines += [f"  {name:<18} {attack.summary}" for name, attack in _by_meaning().items()]
+    lines += [f"  {name:<24} {attack.summary}" for name, attack in _by_meaning().items()]
     return "\n".join(lines)
 
 
@@ -37,7 +42,7 @@ def _by_meaning() -> dict[str, AttackKind]:
     """One attack for every kind: claims share theirs."""
     named: dict[str, AttackKind] = {}
     for attack in ATTACKS.values():
-        shared = attack.stream != "camera" and not attack.name.startswith("paper")
+        shared = attack.stream not in _OWN_MEANING and not attack.name.startswith("paper")
         named.setdefault(f"…-{attack.kind}" if shared else attack.name, attack)
     return named
 

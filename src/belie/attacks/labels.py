@@ -25,7 +25,7 @@ class AttackLabel:
     name, text : str
         The attack's name, and the specification it was made from.
     stream : str
-        ``odometry``, ``imu``, ``position`` or ``camera``.
+        ``odometry``, ``imu``, ``position``, ``camera`` or ``detections``.
     sources : tuple of str
         The topics that lie.
     alert : AlertType
@@ -40,6 +40,11 @@ class AttackLabel:
         Stamp of `stop_frame`, the first honest one again; of the last frame, where there is none.
     seed : int
         Of everything random.
+    object : str or None
+        Track id of the attacked object as the stream before this attack names it; for a phantom the phantom's. None
+        for other streams, where the detector gives no ids, and where all objects are attacked.
+    other : str or None
+        The second object of a swap.
 
     Examples
     --------
@@ -61,6 +66,8 @@ class AttackLabel:
     onset_ns: int
     end_ns: int
     seed: int
+    object: str | None = None
+    other: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alert", AlertType(self.alert))

@@ -12,12 +12,12 @@ from belie.attacks.catalogue import ROTATIONS, VEHICLE_AXES
 from belie.attacks.source import BodyAxes
 from belie.attacks.spec import AttackSpec
 from belie.attacks.timing import FrameClock, Span
-from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
+from belie.types import Claim, DetectionClaim, MotionClaim, MountedCamera, PoseClaim, PositionClaim
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """A specification, the span in which it acts, and the clock and axes of the recording.
+    """A specification, the span in which it acts, and the clock, axes and camera of the recording.
 
     Examples
     --------
@@ -31,11 +31,14 @@ class Plan:
     span: Span
     clock: FrameClock
     body_axes: BodyAxes
+    camera: MountedCamera | None = None
 
     @classmethod
-    def of(cls, spec: AttackSpec, clock: FrameClock, body_axes: BodyAxes) -> Plan:
+    def of(
+        cls, spec: AttackSpec, clock: FrameClock, body_axes: BodyAxes, camera: MountedCamera | None = None
+    ) -> Plan:
         """Resolve `spec` on a recording's clock; raises `AttackError` as `AttackSpec.span` does."""
-        return cls(spec=spec, span=spec.span(clock), clock=clock, body_axes=body_axes)
+        return cls(spec=spec, span=spec.span(clock), clock=clock, body_axes=body_axes, camera=camera)
 
     @property
     def turns(self) -> bool:
@@ -64,7 +67,7 @@ class Plan:
             case PositionClaim():
                 return self.spec.stream == "position"
             case DetectionClaim():
-                return False
+                return self.spec.stream == "detections"
             case MotionClaim(kind="twist"):
                 return self.spec.stream == "odometry"
             case MotionClaim():

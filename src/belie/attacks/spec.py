@@ -6,7 +6,9 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from belie.attacks.catalogue import ATTACKS, AttackKind, Stream
+from belie.attacks.catalogue import ATTACKS
+from belie.attacks.kind import AttackKind, Stream
+from belie.attacks.object_catalogue import BOX
 from belie.attacks.option import Option, OptionValue
 from belie.attacks.timing import FrameClock, Span, Timing
 from belie.types import AttackError
@@ -202,6 +204,9 @@ def _check_complete(entry: AttackKind, options: Iterable[Option], values: Mappin
         raise AttackError(f"{entry.name} needs {wanted}")
     if "magnitude" in values and (values["magnitude"] is None) == (values["rate"] is None):
         raise AttackError(f"{entry.name} needs either magnitude (constant) or rate (growth a frame)")
+    box = [values[name] is None for name in BOX if name in values]
+    if any(box) and not all(box):
+        raise AttackError(f"{entry.name} needs all of {', '.join(BOX)} [px], or none of them")
 
 
 def _suggest(word: str, known: Iterable[str]) -> str:

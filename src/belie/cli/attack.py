@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 from belie.cli.errors import keep_apart
-from belie.cli.options import CameraInfo, Detections, Image, Imu, Odometry, Position, Rate, Source
+from belie.cli.options import (
+    CameraInfo,
+    Detections,
+    DetectorLabels,
+    Image,
+    Imu,
+    Odometry,
+    Position,
+    Rate,
+    Source,
+)
 from belie.cli.output import Encoding, require_free, write_labels, write_recording
+
+if TYPE_CHECKING:
+    from belie.types import Step
 
 
 class AttackCommand(TyperCommand):
@@ -45,6 +60,7 @@ def attack(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector_labels: DetectorLabels = None,
     rate: Rate = None,
 ) -> None:
     """Write an attacked copy of a recording (ROS 2 MCAP), with labels of what lies and when.
@@ -75,13 +91,14 @@ def attack(
         position=position,
         imu=imu,
         detections=detections,
+        detection_names=detector_labels,
         rate_hz=rate,
     )
     attacked = attacked_by(recording, specs)
     labels = attacked.labels
     write_recording(
         output,
-        attacked.steps(),
+        _fit_for_messages(attacked.steps()),
         doing="writing",
         frames=frame_count(recording),
         cameras=recording.cameras,
@@ -91,3 +108,25 @@ def attack(
     )
     write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
+
+
+def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:
+    """The steps as ROS messages can hold them; what they cannot is told once."""
+    from dataclasses import replace
+
+    from belie.recordings.vision_messages import without_sizes_of_boxed
+    from belie.types import DetectionClaim
+
+    is_told = False
+    for step in steps:
+        claims = tuple(
+            without_sizes_of_boxed(claim) if isinstance(claim, DetectionClaim) else claim
+            for claim in step.claims
+        )
+        if claims != step.claims and not is_told:
+            print(
+                "dimensions of objects with image boxes are left out: vision_msgs holds the one or the other",
+                file=sys.stderr,
+            )
+            is_told = True
+        yield replace(step, claims=claims)

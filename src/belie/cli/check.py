@@ -14,6 +14,9 @@ from belie.cli.options import (
     CameraInfo,
     ConfigFile,
     Detections,
+    DetectorLabels,
+    DetectorModel,
+    DetectorThreads,
     FalseAlarms,
     Image,
     Imu,
@@ -65,6 +68,9 @@ def check(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector: DetectorModel = None,
+    detector_labels: DetectorLabels = None,
+    detector_threads: DetectorThreads = 2,
     rate: Rate = None,
 ) -> None:
     """Check the claims in a recording against its camera, frame by frame.
@@ -80,6 +86,8 @@ def check(
       belie check kitti/00 --position poses       the trajectory as position claim too
       belie check drive.mcap --json - | jq 'select(.alerts != [])'
       belie check attacked.mcap --labels attacked.mcap.labels.json
+      belie check kitti/00 --detections label_02/0000.txt
+      belie check drive.mp4 --detector yolov8n.onnx --detector-labels coco.txt
 
     \b
     Exit codes: 0 no alert, 1 alert raised, 2 usage or data error.
@@ -101,8 +109,14 @@ def check(
         position=position,
         imu=imu,
         detections=detections,
+        detection_names=detector_labels,
         rate_hz=rate,
     )
+    if detector is not None:
+        from belie.recordings.onnx_detector import OnnxDetector, OnnxSettings, with_detector
+
+        model = OnnxDetector(detector, names=detector_labels, settings=OnnxSettings(threads=detector_threads))
+        recording = with_detector(recording, model)
     if report is not None:
         keep_apart(source, report, "--report")
         _require_folder(report)

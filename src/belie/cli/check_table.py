@@ -88,6 +88,12 @@ def _alert_row(run: Run, traced: TracedAlert) -> tuple[Text, ...]:
     )
 
 
+def _attacked(label: AttackLabel) -> str:
+    """The streams that lie, and the object that they lie about."""
+    sources = ", ".join(label.sources)
+    return sources if label.object is None else f"{sources} object {label.object}"
+
+
 def _print_score(console: Console, result: Score) -> None:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for column in ("attack", "on", "result", "delay"):
@@ -99,7 +105,7 @@ def _print_score(console: Console, result: Score) -> None:
             else f"{scored.delay_frames} frames, {scored.delay_ms / 1e3:.2f} s"
         )
         found = Text("hit", style="green") if scored.hit is not None else Text("MISS", style="bold red")
-        table.add_row(Text(scored.label.text), Text(", ".join(scored.label.sources)), found, delay)
+        table.add_row(Text(scored.label.text), Text(_attacked(scored.label)), found, delay)
     if result.labels:
         console.print(table)
     bound = result.false_alerts_per_hour_upper

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from belie.cli.options import CameraInfo, Detections, Image, Imu, Odometry, Position, Rate, Source
+from belie.cli.options import (
+    CameraInfo,
+    Detections,
+    DetectorLabels,
+    Image,
+    Imu,
+    Odometry,
+    Position,
+    Rate,
+    Source,
+)
 
 if TYPE_CHECKING:
     from belie.recordings import Recording, StreamInfo
@@ -28,6 +38,7 @@ def info(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector_labels: DetectorLabels = None,
     rate: Rate = None,
 ) -> None:
     """Show a recording's streams (types, rates, spans, gaps), its camera, and what 'belie check' would use.
@@ -53,6 +64,7 @@ def info(
             position=position,
             imu=imu,
             detections=detections,
+            detection_names=detector_labels,
             rate_hz=rate,
         )
     except RecordingError:

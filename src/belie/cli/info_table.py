@@ -29,7 +29,7 @@ _MISHAPS = {
     "missing": "frames without a claim nearby, or lost from the image stream",
     "dropped_late": "stamped after the last frame (not used)",
     "undecodable": "images that cannot be decoded (skipped)",
-    "invalid": "GNSS messages without a fix (skipped)",
+    "invalid": "GNSS messages without a fix, or boxes out of the image (skipped)",
 }
 
 

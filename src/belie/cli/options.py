@@ -35,7 +35,31 @@ Position = Annotated[
 Imu = Annotated[str | None, typer.Option("--imu", metavar="TOPIC", help="IMU topic; 'none' leaves it out.")]
 Detections = Annotated[
     str | None,
-    typer.Option("--detections", metavar="TOPIC", help="Object detections; 'none' leaves them out."),
+    typer.Option(
+        "--detections",
+        metavar="TOPIC|FILE",
+        help="Object detections: a topic, or a file of KITTI tracking labels, MOT text or CSV (frame,track_id,label,"
+        "score,left,top,right,bottom); 'none' leaves them out.",
+    ),
+]
+DetectorLabels = Annotated[
+    Path | None,
+    typer.Option(
+        "--detector-labels",
+        metavar="names.txt",
+        help="Names of the detector's classes (or MOT's), one a line.",
+    ),
+]
+DetectorModel = Annotated[
+    Path | None,
+    typer.Option(
+        "--detector",
+        metavar="model.onnx",
+        help="Run a detector on the images, too: an ONNX model in YOLO's output layout (extra 'onnx').",
+    ),
+]
+DetectorThreads = Annotated[
+    int, typer.Option("--detector-threads", metavar="N", help="Threads that the detector may take.", min=1)
 ]
 Rate = Annotated[
     float | None,

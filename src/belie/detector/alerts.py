@@ -12,6 +12,9 @@ ALERT_OF_CHECK = {
     "imu": AlertType.ODOMETRY_SPOOFING,
     "position": AlertType.POSITION_SPOOFING,
     "camera": AlertType.CAMERA_FAULT,
+    "hiding": AlertType.OBSTACLE_HIDING,
+    "misclassification": AlertType.OBJECT_MISCLASSIFICATION,
+    "injection": AlertType.OBSTACLE_INJECTION,
 }
 
 

@@ -17,6 +17,7 @@ from belie.checks import (
     PositionSettings,
     SequentialSettings,
 )
+from belie.checks.objects import ObjectSettings
 from belie.odometry import PaperOdometrySettings, TrackingSettings, VisualOdometrySettings
 from belie.types import ConfigError, Settings
 
@@ -41,6 +42,7 @@ class Config(Settings):
     imu: ImuSettings = ImuSettings()
     position: PositionSettings = PositionSettings()
     camera: CameraSettings = CameraSettings()
+    objects: ObjectSettings = ObjectSettings()
     paper: PaperThresholds = PaperThresholds()
     paper_odometry: PaperOdometrySettings = PaperOdometrySettings()
 

@@ -16,6 +16,7 @@ import numpy as np
 from belie.checks import CameraCheck, ImuCheck, OdometryCheck, PositionCheck
 from belie.detector.alerts import Judgement
 from belie.detector.config import Config
+from belie.detector.objects import ObjectStage
 from belie.detector.streams import StreamKey, Streams
 from belie.detector.trajectory import TrustedTrajectory
 from belie.geometry import SE3
@@ -39,6 +40,9 @@ class DefaultProfile:
         self._motion_checks: dict[StreamKey, OdometryCheck | ImuCheck] = {}
         self._position_checks: dict[str, PositionCheck] = {}
         self._streams = Streams()
+        self._objects = ObjectStage(
+            camera.model, config.objects, config.tracking, config.sequential.false_alarms_per_hour
+        )
         self._trajectory = TrustedTrajectory(camera.T_body_cam)
         self._withheld = 0
         self._odometry_accused = False
@@ -64,7 +68,9 @@ class DefaultProfile:
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge every stream at this frame."""
+        claims = tuple(claims)
         self._streams.take(claims, frame.stamp_ns)
+        self._objects.take(claims, frame.stamp_ns)
         self._open_checks()
         unusable = self._camera_check.look(frame)
         self.estimate = estimate = None if unusable else self._odometry.update(frame)
@@ -85,6 +91,9 @@ class DefaultProfile:
             judgements += [
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
             ]
+        judgements += self._objects.update(
+            frame, estimate, self._odometry.scene(), doubted=self._why_objects_wait(unusable, seen)
+        )
         self._last_ns = frame.stamp_ns
         pose = self._streams.odometry_pose(frame.stamp_ns)
         self.T_odom_cam_claimed = None if pose is None else pose @ self._camera.T_body_cam
@@ -123,6 +132,11 @@ class DefaultProfile:
         if distance > 1e-3 and estimate.parallax_px > 1.0:
             ratio = estimate.parallax_px / distance
             self._flow_px_per_m += (ratio - self._flow_px_per_m) * (0.1 if self._flow_px_per_m else 1.0)
+
+    @staticmethod
+    def _why_objects_wait(unusable: bool, seen: CheckResult) -> str:
+        """Objects are held against the pixels of this very image: a camera that lies is no witness."""
+        return (seen.reason or "the image") if unusable or seen.status is Status.CONTRADICTED else ""
 
     def _must_withhold(self, seen: CheckResult) -> bool:
         """A camera that doubts itself judges nobody; but doubts without end must not shield a liar."""

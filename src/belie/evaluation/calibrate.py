@@ -17,8 +17,8 @@ from belie.detector import Config
 from belie.evaluation.calibrate_noise import learn_noise
 from belie.evaluation.calibrate_part import TeachingPart, changed
 from belie.evaluation.calibrate_thresholds import learn_thresholds
+from belie.evaluation.intervals import poisson_upper
 from belie.evaluation.run import Checked, Run, run_detector
-from belie.evaluation.score import poisson_upper
 from belie.evaluation.trace import CheckTrace
 from belie.types import RecordingError
 

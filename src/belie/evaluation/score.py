@@ -1,53 +1,25 @@
-"""Verdicts against labels: what was caught, how fast, and what was accused wrongly.
-
-Intervals: Wilson (1927) for success rates; Garwood (1936) for the rate of false alerts, a Poisson count.
-"""
+"""Verdicts against labels: what was caught, how fast, and what was accused wrongly."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
+from dataclasses import dataclass, replace
 from typing import Any
 
-from scipy.stats import chi2
-
 from belie.attacks import AttackLabel
-from belie.types import Alert, Verdict
+from belie.evaluation.intervals import poisson_upper, wilson_interval
+from belie.types import Alert, AlertType, Verdict
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
-
-
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float] | None:
-    """Two-sided interval of a success rate; None without trials.
-
-    >>> low, high = wilson_interval(20, 20)
-    >>> round(low, 3), high
-    (0.839, 1.0)
-    """
-    if not 0 <= successes <= trials:
-        raise ValueError(f"{successes} successes in {trials} trials")
-    if trials == 0:
-        return None
-    z2 = NormalDist().inv_cdf(0.5 + confidence / 2.0) ** 2
-    rate = successes / trials
-    centre = (rate + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = math.sqrt(z2 * (rate * (1 - rate) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
-    # Rounding must not exclude what was observed.
-    return max(0.0, min(rate, centre - half)), min(1.0, max(rate, centre + half))
-
-
-def poisson_upper(count: int, confidence: float = 0.95) -> float:
-    """One-sided upper bound of a Poisson mean of which `count` events were seen (Garwood).
-
-    >>> round(poisson_upper(0), 3)
-    2.996
-    """
-    if count < 0:
-        raise ValueError(f"a count is not negative, got {count}")
-    return float(chi2.ppf(confidence, 2 * (count + 1)) / 2.0)
+# What may be said of an attack besides its label's own alert: a box in the wrong place hides its object where that is,
+# and invents one where it is not.
+ALSO_RIGHT: dict[str, tuple[AlertType, ...]] = {
+    "detections-shift": (AlertType.OBSTACLE_INJECTION,),
+    "detections-shrink": (AlertType.OBSTACLE_INJECTION,),
+    "detections-delay": (AlertType.OBSTACLE_INJECTION,),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +44,7 @@ class LabelScore:
     label : AttackLabel
         The attack.
     hit : RaisedAlert or None
-        The first alert of the right type on the right source; None is a miss.
+        The first alert of the right type on the right source and, where both name one, object; None is a miss.
     delay_frames : int or None
         Frames checked since the attack began; 0 is the first attacked frame.
     delay_ms : float or None
@@ -91,6 +63,7 @@ class LabelScore:
             "attack": self.label.text,
             "alert": self.label.alert.value,
             "sources": list(self.label.sources),
+            "object": self.label.object,
             "onset_ns": self.label.onset_ns,
             "hit": None if self.hit is None else self.hit.to_json(),
             "delay_frames": self.delay_frames,
@@ -109,7 +82,7 @@ class Score:
     wrong_attributions : tuple of RaisedAlert
         Raised within the span of an attack, but of a type or on a source that no attack there explains.
     false_alerts : tuple of RaisedAlert
-        Raised outside every span (grace included).
+        Raised outside every span (grace included), or within, but on an object that is none of those attacked.
     before_onset : tuple of RaisedAlert
         The false alerts that came before the first attack of their run; none where nothing was attacked.
     honest_s : float
@@ -159,6 +132,26 @@ class Score:
         delays = [scored.delay_frames for scored in self.labels if scored.delay_frames is not None]
         return sum(delay <= frames for delay in delays) / len(self.labels)
 
+    def by_type(self) -> dict[AlertType, Score]:
+        """The score of each type of alert that an attack called for, or that was raised falsely.
+
+        >>> Score().by_type()
+        {}
+        """
+        types = {scored.label.alert for scored in self.labels}
+        types |= {raised.alert.type for raised in (*self.false_alerts, *self.wrong_attributions)}
+        return {
+            type: replace(
+                self,
+                labels=tuple(scored for scored in self.labels if scored.label.alert == type),
+                wrong_attributions=_of_type(self.wrong_attributions, type),
+                false_alerts=_of_type(self.false_alerts, type),
+                before_onset=_of_type(self.before_onset, type),
+            )
+            for type in AlertType
+            if type in types
+        }
+
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         interval = self.success_interval
@@ -171,6 +164,16 @@ class Score:
             "false_alerts_per_hour": self.false_alerts_per_hour,
             "false_alerts_per_hour_upper": self.false_alerts_per_hour_upper,
             "confidence": self.confidence,
+            "by_type": {
+                type.value: {
+                    "attacks": len(part.labels),
+                    "hits": part.hits,
+                    "success_rate": part.success_rate,
+                    "false_alerts": len(part.false_alerts),
+                    "wrong_attributions": len(part.wrong_attributions),
+                }
+                for type, part in self.by_type().items()
+            },
             "labels": [scored.to_json() for scored in self.labels],
             "wrong_attributions": [raised.to_json() for raised in self.wrong_attributions],
             "false_alerts": [raised.to_json() for raised in self.false_alerts],
@@ -188,7 +191,9 @@ def score(
     """Score one run of a detector.
 
     An alert belongs to an attack if the frame that raised it is stamped within the attack's span, from the
-    stamp of its first frame to its end and `grace_s` more. An alert raised before that is never a hit.
+    stamp of its first frame to its end and `grace_s` more. An alert raised before that is never a hit. Where both the
+    alert and the attack name an object, it must be the same; where the detector gives no ids, belie numbers the objects
+    itself, and any will do. `ALSO_RIGHT` lists the types that are accepted besides the label's own.
 
     Parameters
     ----------
@@ -232,7 +237,7 @@ def score(
         around = [
             label for label, (start, end) in zip(truth, spans, strict=True) if start <= one.stamp_ns <= end
         ]
-        if not around:
+        if not around or _is_of_another_object(around, one.alert):
             false_alerts.append(one)
         elif not any(_explains(label, one.alert) for label in around):
             wrong.append(one)
@@ -271,7 +276,23 @@ def pool_scores(scores: Iterable[Score]) -> Score:
 
 
 def _explains(label: AttackLabel, alert: Alert) -> bool:
-    return alert.type == label.alert and alert.source in label.sources
+    is_right_type = alert.type in (label.alert, *ALSO_RIGHT.get(label.name, ()))
+    return is_right_type and alert.source in label.sources and _may_mean(label, alert)
+
+
+def _may_mean(label: AttackLabel, alert: Alert) -> bool:
+    """Whether an alert does not name another object than the one that was attacked."""
+    return label.object is None or alert.object is None or alert.object in (label.object, label.other)
+
+
+def _is_of_another_object(around: Iterable[AttackLabel], alert: Alert) -> bool:
+    """Whether an alert within attacks on objects names none of theirs."""
+    on_objects = [label for label in around if label.stream == "detections"]
+    return alert.object is not None and bool(on_objects) and not any(_may_mean(o, alert) for o in on_objects)
+
+
+def _of_type(several: Iterable[RaisedAlert], type: AlertType) -> tuple[RaisedAlert, ...]:
+    return tuple(raised for raised in several if raised.alert.type == type)
 
 
 def _label_score(

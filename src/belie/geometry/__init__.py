@@ -1,5 +1,6 @@
 """SE(3), cameras, epipolar geometry, triangulation, robust kernels. Depends on nothing else in belie."""
 
+from belie.geometry.boxes import Solid, box_iou, clipped_box_px, projected_box_px
 from belie.geometry.camera import CameraModel, DistortionModel
 from belie.geometry.compiled import compiled
 from belie.geometry.projection import flat_camera, project_normalized
@@ -12,11 +13,15 @@ __all__ = [
     "CameraModel",
     "DistortionModel",
     "FloatArray",
+    "Solid",
+    "box_iou",
+    "clipped_box_px",
     "compiled",
     "flat_camera",
     "huber_cost",
     "huber_weight",
     "project_normalized",
+    "projected_box_px",
     "skew",
     "so3_exp",
     "so3_log",

@@ -109,9 +109,10 @@ class SE3:
         t = np.array(self.t, dtype=np.float64)
         if R.shape != (3, 3) or t.shape != (3,):
             raise ValueError(f"SE3 needs R (3, 3) and t (3,), got {R.shape} and {t.shape}")
-        if not (np.isfinite(R).all() and np.isfinite(t).all()):
+        if not (math.isfinite(float(R.sum())) and math.isfinite(float(t.sum()))):
             raise ValueError("SE3 holds NaN or infinity")
-        if np.abs(R @ R.T - _EYE).max() > 1e-4 or _determinant(R) < 0.0:
+        off = (R @ R.T - _EYE).ravel()
+        if not float(off @ off) < 1e-8 or _determinant(R) < 0.0:
             raise ValueError("R is not a rotation matrix")
         R.setflags(write=False)
         t.setflags(write=False)

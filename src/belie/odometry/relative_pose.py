@@ -342,12 +342,28 @@ def estimate_relative_pose(
     )  # fmt: skip
     if fix_length:  # one length of the translation is as good as another
         H = H + np.outer(np.r_[t, 0, 0, 0], np.r_[t, 0, 0, 0]) / float(t @ t) ** 2
-    # A ridge far below any real information: a direction that no point sees gets a huge, finite variance.
-    covariance = np.linalg.inv(H + 1e-6 * np.eye(6))
     return RelativePose(
         T_cur_prev=SE3(R, t),
-        covariance=0.5 * (covariance + covariance.T),
+        covariance=covariance_of(H),
         inverse_depth=rho,
         inverse_depth_variance=rho_var,
         chi2=chi2,
     )
+
+
+def covariance_of(H: FloatArray) -> FloatArray:
+    """Inverse of an information matrix, symmetric and positive definite whatever its condition.
+
+    A direction that no point sees gets a huge, finite variance. Rows are brought to one scale first: rad and map
+    units may lie twelve powers of ten apart, and an inverse taken across them can come out indefinite.
+
+    >>> float(covariance_of(np.diag([4.0, 0, 0, 1, 1, 1]))[0, 0].round(3))
+    0.25
+    >>> bool(np.linalg.eigvalsh(covariance_of(np.ones((6, 6))))[0] > 0.0)
+    True
+    """
+    information = 0.5 * (H + H.T) + 1e-6 * np.eye(6)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-6))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    half = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1e-12))
+    return np.asarray(half @ half.T)

@@ -8,6 +8,9 @@ rule of the paper (`matching.py`) accepts any corner; this one accepts none that
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import cv2
@@ -21,6 +24,7 @@ from belie.types import GrayImage, Settings
 Pyramid = tuple[GrayImage, ...]
 _SIDE = 16  # of a patch, px; a constant and a power of two, so that the loops become vector code
 _HALF = 0.5 * (_SIDE - 1)
+_WORTH_A_THREAD = 100  # corners; handing work over costs some 0.05 ms
 
 
 class TrackingSettings(Settings):
@@ -278,11 +282,31 @@ def track(
     """
     found = np.array(predicted_px, dtype=np.float64)
     start = np.asarray(points_px, dtype=np.float64)
-    alive = np.isfinite(found).all(axis=1)
+    alive = np.asarray(np.isfinite(found).all(axis=1))
     correlation = np.zeros(len(found))
-    for level in range(min(len(previous), len(current)) - 1, -1, -1):
-        _track_level(
-            previous[level], current[level], start, found, alive, correlation,
-            0.5**level, settings.iterations, settings.min_eigenvalue, level == 0,
-        )  # fmt: skip
+
+    def follow(part: slice) -> None:
+        for level in range(min(len(previous), len(current)) - 1, -1, -1):
+            _track_level(
+                previous[level], current[level], start[part], found[part], alive[part], correlation[part],
+                0.5**level, settings.iterations, settings.min_eigenvalue, level == 0,
+            )  # fmt: skip
+
+    if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:
+        half = len(found) // 2
+        other = _second_thread().submit(follow, slice(half, None))
+        follow(slice(0, half))
+        other.result()
+    else:
+        follow(slice(None))
     return found, alive & (correlation >= settings.min_correlation)
+
+
+@cache
+def _second_thread() -> ThreadPoolExecutor:
+    """The one that helps; the kernels hold no lock. As many threads as OpenCV is allowed, but no more than two."""
+    return ThreadPoolExecutor(1, thread_name_prefix="belie-track")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_second_thread.cache_clear)  # a forked process has no second thread

@@ -134,6 +134,13 @@ class VisualOdometry:
         self._take(frame, pyramid)
         return estimate
 
+    def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation."""
+        deviation = np.sqrt(self._corners.variance)
+        known = deviation < 0.2 * self._corners.inverse_depth
+        xy = self._camera.normalize(self._corners.px[known])
+        return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
+
     # -- stages ------------------------------------------------------------------------------------
 
     def _working_image(self, image: GrayImage) -> GrayImage:

@@ -27,7 +27,7 @@ class JoinCounts:
     undecodable : Counter
         Images that could not be decoded (skipped).
     invalid : Counter
-        GNSS messages without a fix (skipped).
+        GNSS messages without a fix, boxes of a detections file out of the image (skipped).
 
     Examples
     --------

@@ -6,13 +6,20 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from belie.recordings.added_claims import AddedStream, ExtendedRecording, in_order
 from belie.recordings.bag import BagRecording
 from belie.recordings.calibration import read_yaml
+from belie.recordings.detection_files import read_detections
+from belie.recordings.detection_rows import DETECTIONS_SOURCE, DetectionTable, on_frames
 from belie.recordings.euroc import euroc_root, open_euroc
 from belie.recordings.join_settings import JoinSettings
 from belie.recordings.kitti import is_kitti, open_kitti
+from belie.recordings.kitti_labels import KITTI_LABELS
 from belie.recordings.recording import Recording
 from belie.recordings.storage import BagFormat
+from belie.recordings.topics import NONE
 from belie.recordings.tum import is_tum, open_tum
 from belie.recordings.video import is_video, open_video
 from belie.types import RecordingError, TopicError
@@ -38,6 +45,7 @@ def open_recording(
     position: str | None = None,
     imu: str | None = None,
     detections: str | None = None,
+    detection_names: str | os.PathLike[str] | None = None,
     rate_hz: float | None = None,
     join_settings: JoinSettings | None = None,
 ) -> Recording:
@@ -50,7 +58,10 @@ def open_recording(
     image, camera_info, odometry, position, imu, detections : str, optional
         Topics (cameras, files) to use where several would do. ``none`` leaves odometry, position, IMU or
         detections out. In folders `position="poses"` reads the one trajectory as the position claim too;
-        `camera_info` names a camera file for TUM folders and videos.
+        `camera_info` names a camera file for TUM folders and videos. `detections` may be a file beside any recording:
+        KITTI tracking labels, MOT text, or a CSV file (see `belie.recordings.detection_csv`).
+    detection_names : path, optional
+        Names of the classes of MOT text, one a line.
     rate_hz : float, optional
         Frame rate of folders and videos, instead of the times that they hold.
     join_settings : JoinSettings, optional
@@ -86,6 +97,16 @@ def open_recording(
         "imu": imu,
         "detections": detections,
     }
+    table = _detection_table(detections, detection_names)
+    if table is not None:
+        named["detections"] = NONE
+    recording = _open(path, settings, named, rate_hz)
+    return recording if table is None else _with_detections(recording, table)
+
+
+def _open(
+    path: Path, settings: JoinSettings, named: dict[str, str | None], rate_hz: float | None
+) -> Recording:
     try:
         source, bag_format = _bag(path)
         if bag_format is not None:
@@ -96,6 +117,29 @@ def open_recording(
         return _open_folder(path, settings, named, rate_hz)
     except OSError as error:
         raise RecordingError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
+
+
+def _detection_table(detections: str | None, names: str | os.PathLike[str] | None) -> DetectionTable | None:
+    """The file that is named as detections; None where a topic is named, or nothing."""
+    if detections is None or not Path(detections).is_file():
+        return None
+    return read_detections(Path(detections), names=None if names is None else Path(names))
+
+
+def _with_detections(recording: Recording, table: DetectionTable) -> Recording:
+    stamps_ns = recording.frame_stamps_ns()
+    (camera,) = recording.cameras.values()
+    # KITTI's labels are in the axes of the left camera, which is the body of its folders.
+    is_reference = recording.format == "kitti" and table.kind == KITTI_LABELS
+    found = on_frames(table, stamps_ns, camera.model, camera.T_body_cam.inverse() if is_reference else None)
+    stream = AddedStream(
+        topic=DETECTIONS_SOURCE,
+        kind=f"{table.path.name} ({table.kind})",
+        stamps_ns=np.array([claim.stamp_ns for claim in found.claims], dtype=np.int64),
+        start=in_order(found.claims),
+        left_out=found.outside,
+    )
+    return ExtendedRecording(recording, stream)
 
 
 def _bag(path: Path) -> tuple[Path, BagFormat | None]:
@@ -177,7 +221,11 @@ def _only(named: dict[str, str | None], *names: str) -> dict[str, Any]:
 def _refuse(format: str, **given: object) -> None:
     """An option that a format cannot honour is an error, not silence."""
     for name, value in given.items():
-        if value is not None and value != "none":
+        if value is not None and value != NONE:
+            if name == "detections":
+                raise TopicError(
+                    f"--detections {value}: no such file, and a recording of format {format} holds no detections itself"
+                )
             flag = "--rate" if name == "rate_hz" else f"--{name.replace('_', '-')}"
             raise TopicError(
                 f"{flag} {value} has no meaning for a recording of format {format}; leave it out"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,8 +48,10 @@ STORE.register(VISION_TYPES)
 _ANY_ATTITUDE_RAD2 = math.pi**2  # variance of an angle that is not known
 
 
-def detections(claim: DetectionClaim, frame_id: str) -> tuple[str, Any]:
+def detections(claim: DetectionClaim, frame_id: str, *, empty_as: str | None = None) -> tuple[str, Any]:
     """The message type and the message of a claim, in the camera's frame `frame_id`.
+
+    A claim without objects fits both types: it becomes `empty_as`, by default a Detection2DArray.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def detections(claim: DetectionClaim, frame_id: str) -> tuple[str, Any]:
             f"{claim.source} mixes image boxes with dimensions in space at {claim.stamp_ns / 1e9:.6f} s; "
             "vision_msgs has Detection2DArray for the one and Detection3DArray for the other: send two claims"
         )
-    flat = boxed != {False}
+    flat = boxed != {False} if boxed else empty_as != DETECTIONS_3D
     short, bbox = ("Detection2D", _bbox_2d) if flat else ("Detection3D", _bbox_3d)
     stamped = header(claim.stamp_ns, frame_id)
     entries = [
@@ -84,6 +87,20 @@ def detections(claim: DetectionClaim, frame_id: str) -> tuple[str, Any]:
     ]
     kind = DETECTIONS_2D if flat else DETECTIONS_3D
     return kind, new(kind, header=stamped, detections=entries)
+
+
+def without_sizes_of_boxed(claim: DetectionClaim) -> DetectionClaim:
+    """The claim as one message can hold it: what has an image box loses its dimensions in space.
+
+    >>> box = Detection(label="car", score=0.9, box_px=[10, 20, 50, 40], dimensions_m=[4.2, 1.8, 1.5])
+    >>> claim = DetectionClaim(source="/detections", stamp_ns=0, received_ns=0, detections=(box,))
+    >>> without_sizes_of_boxed(claim).detections[0].dimensions_m is None
+    True
+    """
+    if all(one.box_px is None or one.dimensions_m is None for one in claim.detections):
+        return claim
+    bare = (one if one.box_px is None else replace(one, dimensions_m=None) for one in claim.detections)
+    return replace(claim, detections=tuple(bare))
 
 
 def _result(detection: Detection) -> Any:

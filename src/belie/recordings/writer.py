@@ -141,6 +141,7 @@ def write_mcap(
                 out.write(step)
                 if progress is not None:
                     progress(count)
+            out.close()
         if path.suffix == ".mcap":
             (folder / f"{path.stem}.mcap").replace(path)
         else:
@@ -169,6 +170,7 @@ class _Output:
         self.connections: dict[tuple[str, str], Connection] = {}
         self.frames_written = False
         self.lever_m: FloatArray | None = None
+        self.empty: dict[str, list[DetectionClaim]] = {}
 
     def write(self, step: Step) -> None:
         """Write a frame and its claims."""
@@ -207,8 +209,7 @@ class _Output:
             elif isinstance(claim, PositionClaim):
                 self._position(claim)
             elif isinstance(claim, DetectionClaim):
-                kind, message = vision_messages.detections(claim, CAMERA_FRAME)
-                self._put(_ros_name(claim.source, "/detections"), kind, message, claim.received_ns)
+                self._detections(claim)
             elif claim.kind == "imu":
                 message = messages.imu(claim, self.body)
                 self._put(_ros_name(claim.source, "/imu"), topics.IMU, message, claim.received_ns)
@@ -218,6 +219,26 @@ class _Output:
                 f"the twist of {source} at {stamp_ns / 1e9:.6f} s has no pose of the same stamp; "
                 "nav_msgs/Odometry holds both: shift pose and twist together"
             )
+
+    def _detections(self, claim: DetectionClaim) -> None:
+        topic = _ros_name(claim.source, "/detections")
+        known = next((kind for name, kind in self.connections if name == topic), None)
+        if not claim.detections and known is None:
+            # Whether the topic has boxes in the image or in space shows with its first object.
+            self.empty.setdefault(topic, []).append(claim)
+            return
+        kind, message = vision_messages.detections(claim, CAMERA_FRAME, empty_as=known)
+        for earlier in self.empty.pop(topic, ()):
+            _, nothing = vision_messages.detections(earlier, CAMERA_FRAME, empty_as=kind)
+            self._put(topic, kind, nothing, earlier.received_ns)
+        self._put(topic, kind, message, claim.received_ns)
+
+    def close(self) -> None:
+        """Write what waited for a first object that never came."""
+        for topic, claims in self.empty.items():
+            for claim in claims:
+                kind, message = vision_messages.detections(claim, CAMERA_FRAME)
+                self._put(topic, kind, message, claim.received_ns)
 
     def _position(self, claim: PositionClaim) -> None:
         if claim.kind == "localisation":

@@ -1,0 +1,163 @@
+"""Real images with annotated objects, and a detector with the habits of real ones over them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from _recordings import CAMERA, MemoryRecording, data_folder
+from belie.geometry import SE3, CameraModel, FloatArray
+from belie.types import Claim, Detection, DetectionClaim, Frame, MountedCamera, Step
+
+RECORDINGS = ("kitti00", "traffic", "carla_crossing")
+SOURCE = "/detections"
+_VEHICLES = ("car", "van", "truck")
+_INTERVAL_NS = {"kitti00": 103_700_000, "traffic": 100_000_000, "carla_crossing": 300_000_000}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Annotated:
+    """One annotated box: edges px, and how much of the object others hide."""
+
+    track_id: str
+    label: str
+    box_px: FloatArray
+    occluded: float = 0.0
+    truncated: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnnotatedImages:
+    """Frames of one camera, and the objects annotated in each."""
+
+    name: str
+    camera: MountedCamera
+    frames: tuple[Frame, ...]
+    objects: tuple[tuple[Annotated, ...], ...]
+
+
+@cache
+def annotated(name: str) -> AnnotatedImages:
+    """Read a recording of `RECORDINGS` into memory."""
+    folder = data_folder() / name
+    if name == "carla_crossing":
+        files = sorted((folder / "images").iterdir())
+        objects = _crossing(folder, files)
+        model = _model(files[0], f=340.0)
+    else:
+        files = sorted((folder / ("image_0" if name == "kitti00" else "image_2")).iterdir())
+        objects = _boxes(folder / "boxes.json", len(files))
+        f, cx, cy = (718.856, 607.1928, 185.2157) if name == "kitti00" else (721.5377, 609.5593, 172.854)
+        model = _model(files[0], f=f, cx=cx, cy=cy)
+    frames = tuple(
+        Frame(
+            camera=CAMERA, stamp_ns=i * _INTERVAL_NS[name], received_ns=i * _INTERVAL_NS[name],
+            image=np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8),
+        )
+        for i, path in enumerate(files)
+    )  # fmt: skip
+    mounted = MountedCamera(model=model, T_body_cam=SE3.identity())
+    return AnnotatedImages(name=name, camera=mounted, frames=frames, objects=objects)
+
+
+def _model(path: Path, f: float, cx: float | None = None, cy: float | None = None) -> CameraModel:
+    height, width = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape
+    return CameraModel(
+        width=width, height=height, fx=f, fy=f,
+        cx=0.5 * width - 0.5 if cx is None else cx, cy=0.5 * height - 0.5 if cy is None else cy,
+    )  # fmt: skip
+
+
+def _boxes(path: Path, frames: int) -> tuple[tuple[Annotated, ...], ...]:
+    found: list[list[Annotated]] = [[] for _ in range(frames)]
+    for entry in json.loads(path.read_text())["objects"]:
+        for box in entry["boxes"]:
+            found[box["frame"]].append(
+                Annotated(
+                    track_id=str(entry["track_id"]), label=entry["label"], box_px=np.array(box["xyxy"], float),
+                    occluded=box["occluded"], truncated=box["truncated"],
+                )
+            )  # fmt: skip
+    return tuple(tuple(objects) for objects in found)
+
+
+def _crossing(folder: Path, files: Sequence[Path]) -> tuple[tuple[Annotated, ...], ...]:
+    """Boxes without identities: joined from frame to frame by nearness, as a tracker would."""
+    found: list[tuple[Annotated, ...]] = []
+    last: list[Annotated] = []
+    made = 0
+    for path in files:
+        now: list[Annotated] = []
+        table = folder / "boxes" / f"{path.stem}.txt"
+        for line in table.read_text().split("\n") if table.exists() else []:
+            if not line.strip():
+                continue
+            x0, x1, y0, y1, label = line.split()[:5]
+            box = np.array([float(x0), float(y0), float(x1), float(y1)])
+            middle, size = 0.5 * (box[:2] + box[2:]), float((box[2:] - box[:2]).max())
+            near = [
+                old for old in last
+                if old.label == label.lower() and old.track_id not in {a.track_id for a in now}
+                and np.linalg.norm(0.5 * (old.box_px[:2] + old.box_px[2:]) - middle) < 0.6 * size
+            ]  # fmt: skip
+            if near:
+                nearest = min(
+                    near, key=lambda o: float(np.linalg.norm(o.box_px[:2] + o.box_px[2:] - 2 * middle))
+                )
+                name = nearest.track_id
+            else:
+                made += 1
+                name = str(made)
+            now.append(Annotated(track_id=name, label=label.lower(), box_px=box))
+        found.append(tuple(now))
+        last = now
+    return tuple(found)
+
+
+def detected(
+    images: AnnotatedImages,
+    seed: int,
+    *,
+    jitter: float = 0.03,
+    miss: float = 0.05,
+    flip: float = 0.02,
+    ids: bool = True,
+) -> MemoryRecording:
+    """The recording with a detector's messages: jitter of the box, misses, label flips among vehicles.
+
+    Jitter is the standard deviation of each edge relative to the side; an object that is hidden by more than 60 %
+    or cut by more than 70 % is not detected.
+    """
+    rng = np.random.default_rng([seed, len(images.name)])
+    size = np.array([images.camera.model.width, images.camera.model.height] * 2, float)
+    steps, claims = [], []
+    for frame, objects in zip(images.frames, images.objects, strict=True):
+        told = []
+        for o in objects:
+            noise, lot, other = rng.normal(size=4), rng.random(2), rng.choice(_VEHICLES)
+            if lot[0] < miss or o.occluded > 0.6 or o.truncated > 0.7:
+                continue
+            box = np.clip(o.box_px + jitter * noise * np.tile(o.box_px[2:] - o.box_px[:2], 2), 0.0, size)
+            if (box[2:] - box[:2] < 4.0).any():
+                continue
+            label = str(other) if o.label in _VEHICLES and lot[1] < flip else o.label
+            told.append(Detection(label=label, score=0.9, track_id=o.track_id if ids else "", box_px=box))
+        claim = DetectionClaim(
+            source=SOURCE, stamp_ns=frame.stamp_ns, received_ns=frame.stamp_ns, detections=tuple(told)
+        )
+        claims.append(claim)
+        steps.append(Step(frame=frame, claims=(claim,)))
+    listed: tuple[Claim, ...] = tuple(claims)
+    return MemoryRecording(
+        name=images.name,
+        cameras={CAMERA: images.camera},
+        frames=images.frames,
+        claims=listed,
+        joined=tuple(steps),
+    )

@@ -1,0 +1,68 @@
+"""Obstacle injection: a box with nothing behind it but the road or the wall.
+
+Whoever stands on the ground stands at the depth of its foot. So each corner in a box has two explanations: it is
+part of an object that stands where the box ends below, or it is part of the ground or the wall that would be seen if
+nobody stood there. Both say what its inverse depth must be. The log-likelihood ratio is summed over corners and over
+messages. Moving objects fit neither, and are no phantoms; what neither moves nor has a depth of its own (a picture
+on a wall at whose foot it stands) cannot be told from a flat object, and is not accused.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from belie.geometry import FloatArray
+
+_BEHIND, _BEFORE = 0.7, 1.15  # of the foot's 1/Z: an object reaches behind its foot (a car of 4 m, 10 m away)
+_FOOT = 0.03  # of the depth: error of a foot, by the box's jitter
+_MODEL = 0.08  # of the depth: a road's camber, a wall's relief
+_MOST_A_CORNER = 1.5  # nats
+_MOST_A_MESSAGE = 6.0  # nats: corners of one box share their errors
+_LEAST_CORNERS = 5
+_DECIDED = 0.75  # share of the corners that must have been explained at all
+
+
+def background_evidence(
+    inverse_depth: FloatArray,
+    deviation: FloatArray,
+    background: FloatArray,
+    foot: float,
+) -> float | None:
+    """Log-likelihood ratio, nats, that a box shows the background and no object that stands at its foot.
+
+    Parameters
+    ----------
+    inverse_depth, deviation : arrays (N,)
+        Of the corners in the box, from the camera's own motion; NaN where the corner does not keep still.
+    background : array (N,)
+        Inverse depth of the ground or the wall at the corners.
+    foot : float
+        Inverse depth at which an object would stand that ends where the box ends.
+
+    Returns
+    -------
+    float or None
+        None where too few corners could tell the two apart.
+
+    Examples
+    --------
+    >>> ground = np.linspace(0.01, 0.1, 12)
+    >>> background_evidence(ground, np.full(12, 1e-3), ground, 0.1) > 3.0
+    True
+    >>> background_evidence(np.full(12, 0.1), np.full(12, 1e-3), ground, 0.1) < -3.0
+    True
+    """
+    width = np.abs(deviation) + _MODEL * np.abs(background)
+    outside = np.maximum(_BEHIND * foot - background, background - _BEFORE * foot)
+    telling = outside > 1.5 * width
+    if int(telling.sum()) < _LEAST_CORNERS:
+        return None
+    rho, width = inverse_depth[telling], width[telling]
+    object_width = np.abs(deviation[telling]) + _FOOT * abs(foot)
+    as_background = np.abs(rho - background[telling]) / width
+    as_object = np.maximum(np.maximum(_BEHIND * foot - rho, rho - _BEFORE * foot), 0.0) / object_width
+    explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))
+    if explained.sum() < max(_LEAST_CORNERS, _DECIDED * len(rho)):
+        return 0.0  # it moves, or is no plane: no phantom of this kind
+    evidence = np.clip(0.5 * (as_object**2 - as_background**2), -_MOST_A_CORNER, _MOST_A_CORNER)[explained]
+    return float(np.clip(evidence.sum(), -_MOST_A_MESSAGE, _MOST_A_MESSAGE))

@@ -1,0 +1,66 @@
+"""Which detection is which object: by overlap with where its pixels went, and by the detector's own track id.
+
+A tracker library would bring a motion model and a life cycle of its own; here the pixels are the motion model, and
+the life cycle is the check. What is left is an assignment, and scipy solves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from belie.geometry import FloatArray
+
+LEAST_OVERLAP = (
+    0.25  # of a detection and its object (IoU); 0.25 is a shift by 60 % of the side along one axis
+)
+_SAME_ID = 0.3  # what an equal track id is worth, in IoU
+
+
+def overlaps(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Intersection over union of every box of `a` with every one of `b`, shape (len(a), len(b)).
+
+    >>> overlaps(np.array([[0.0, 0, 2, 2]]), np.array([[1.0, 0, 3, 2]])).round(2)
+    array([[0.33]])
+    """
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=2)
+    area_a, area_b = np.prod(a[:, 2:] - a[:, :2], axis=1), np.prod(b[:, 2:] - b[:, :2], axis=1)
+    return np.asarray(common / np.maximum(area_a[:, None] + area_b[None, :] - common, 1e-9))
+
+
+def covered(box: FloatArray, others: FloatArray) -> float:
+    """Largest share of a box that one of the others covers.
+
+    >>> covered(np.array([0.0, 0, 2, 2]), np.array([[1.0, 0, 3, 2]]))
+    0.5
+    """
+    if len(others) == 0:
+        return 0.0
+    low, high = np.maximum(box[:2], others[:, :2]), np.minimum(box[2:], others[:, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=1)
+    return float(common.max() / max(float(np.prod(box[2:] - box[:2])), 1e-9))
+
+
+def assign(
+    boxes: FloatArray, ids: Sequence[str], detected: FloatArray, detected_ids: Sequence[str]
+) -> dict[int, int]:
+    """Object to detection, each at most once.
+
+    >>> here = np.array([[0.0, 0, 10, 10], [30, 0, 40, 10]])
+    >>> assign(here, ["1", "2"], here[::-1] + 1.0, ["2", "9"])
+    {0: 1, 1: 0}
+    """
+    if len(boxes) == 0 or len(detected) == 0:
+        return {}
+    iou = overlaps(boxes, detected)
+    same = np.array([[bool(i) and i == j for j in detected_ids] for i in ids])
+    rows, columns = linear_sum_assignment(iou + _SAME_ID * (same & (iou > 0.05)), maximize=True)
+    return {
+        int(r): int(c)
+        for r, c in zip(rows, columns, strict=True)
+        if iou[r, c] >= (0.05 if same[r, c] else LEAST_OVERLAP)
+    }

@@ -1,0 +1,186 @@
+"""One object: where it is by its own pixels, what it was called, and what speaks for its being there."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from belie.checks.objects import ObjectSettings, RunTest
+from belie.geometry import FloatArray
+from belie.odometry.local_features import ImageStack, local_corners, window_of
+from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
+from belie.odometry.tracking import TrackingSettings
+
+_HISTORY = 16  # frames that a late message may refer to
+_RIDES = 0.2  # of the box's side: how far a corner of the object may drift within its box
+_TRUST = 0.5  # of a detected box against the predicted one: both are uncertain by a few per cent
+_PROVEN = 2  # detections
+_LEAST_CORNERS = 4
+_SPREAD = 0.9
+_LEAD = 0.3
+
+
+@dataclass(slots=True)
+class ObjectTrack:
+    """An object that a detector has told of.
+
+    `box_px` may reach beyond the image: an object that is leaving is not shrinking.
+    """
+
+    name: str
+    track_id: str
+    label: str
+    box_px: FloatArray
+    hiding: RunTest
+    naming: RunTest
+    corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    places: FloatArray = field(
+        default_factory=lambda: np.empty((0, 2))
+    )  # of the corners within the box, 0 to 1
+    ages: npt.NDArray[np.int64] = field(
+        default_factory=lambda: np.empty(0, dtype=np.int64)
+    )  # detections ridden
+    births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
+    born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
+    phantom: float = 0.0  # evidence that the box shows the background, nats
+    phantom_since_ns: int = 0
+    is_phantom: bool = False
+    phantom_why: str = "not yet seen from two places"
+    detections: int = 0
+    weight: float = 0.0  # of all detections
+    votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
+    growth: float = 1.0
+    shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
+    corners_then: int = 0  # when it was last detected
+    contrast: float = 0.0
+    contrast_then: float = 0.0
+    last_seen_ns: int = 0
+    last_found_ns: int = 0
+    motion: LocalMotion | None = None
+    view: View | None = None
+    history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    called: str = ""  # its last label or id, where that is not its own
+
+    def follow(
+        self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
+    ) -> None:
+        """Carry the object from the previous image to this one by its own pixels."""
+        view = self.view
+        if view is None or not view.fits(self.box_px):
+            view = View.of(previous, window_of(self.box_px))
+        motion = follow_object(
+            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
+        )
+        self.motion, self.view = motion, motion.view
+        if motion.error_px2 is not None:
+            self.last_found_ns = stamp_ns
+            self.growth = min(max(motion.growth, 0.8), 1.25)
+            self.shift_px = motion.shift_px
+        self.box_px = motion.box_px
+        self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
+        self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
+        self.born_px = self.born_px[motion.agreeing]
+        self.contrast = motion.contrast
+        self.history.append((stamp_ns, self.box_px))
+
+    def box_at(self, stamp_ns: int) -> FloatArray:
+        """Its box in the frame nearest to a stamp."""
+        if not self.history:
+            return self.box_px
+        return min(self.history, key=lambda entry: abs(entry[0] - stamp_ns))[1]
+
+    @property
+    def group(self) -> str:
+        """What it is: the group of labels that most detections, by weight, gave it."""
+        return max(self.votes, key=lambda group: self.votes[group], default="")
+
+    @property
+    def proven(self) -> int:
+        """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
+        return int((self.ages >= _PROVEN).sum())
+
+    def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
+        """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
+        own_then = self.box_at(stamp_ns)
+        correction = box_then_px - own_then
+        border = np.array([0.0, 0.0, size[0], size[1]])
+        cut = np.abs(box_then_px - border) < 2.0
+        beyond = (own_then - border) * np.array([-1.0, -1.0, 1.0, 1.0]) > 0.0
+        correction[cut & beyond] = 0.0
+        growth = np.tile(
+            (self.box_px[2:] - self.box_px[:2]) / np.maximum(own_then[2:] - own_then[:2], 1.0), 2
+        )
+        weight = _TRUST if self.detections > 1 else 1.0
+        box = self.box_px + weight * correction * growth
+        if (box[2:] - box[:2] >= 2.0).all():
+            self.box_px = box
+            # Where the box goes on ahead of the pixels, those are not its own: expect it there next time.
+            drift = weight * 0.5 * (correction[:2] + correction[2:])
+            self.shift_px = self.shift_px + _LEAD * drift if self.detections > 1 else self.shift_px
+        self.last_seen_ns = max(self.last_seen_ns, stamp_ns)
+        self.detections += 1
+
+    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
+        """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
+        places = self._places_of(self.corners_px)
+        rides = (np.abs(places - self.places) < _RIDES).all(axis=1) & (np.abs(places - 0.5) < 0.55).all(
+            axis=1
+        )
+        self.corners_px, self.places, self.ages = (
+            self.corners_px[rides],
+            self.places[rides],
+            self.ages[rides] + 1,
+        )
+        self.births, self.born_px = self.births[rides], self.born_px[rides]
+        missing = settings.corners - len(self.corners_px)
+        if missing > settings.corners // 4:
+            if self.view is None or not self.view.fits(self.box_px):
+                self.view = View.of(current, window_of(self.box_px))
+            window, picture = self.view.window, self.view.pyramid[0]
+            inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
+            fresh = local_corners(picture, window, inner, missing, self.corners_px)
+            self.corners_px = np.concatenate([self.corners_px, fresh])
+            self.places = np.concatenate([self.places, self._places_of(fresh)])
+            self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
+            self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
+            self.born_px = np.concatenate([self.born_px, fresh])
+            if self.contrast == 0.0:
+                self.contrast = contrast_of(picture)
+        self.corners_then = self.proven
+        self.contrast_then = self.contrast
+
+    def absence(self, size: tuple[int, int], settings: ObjectSettings) -> str:
+        """Why its absence from a message may be fair; empty where its pixels say that it is there."""
+        side = float((self.box_px[2:] - self.box_px[:2]).max())
+        if self.weight < settings.established:
+            return "not yet established"
+        if side < settings.least_side_px:
+            return f"too small: {side:.0f} px"
+        if in_view(self.box_px, size) < settings.least_in_view:
+            return "leaving the view"
+        if self.corners_then < _LEAST_CORNERS:
+            return f"too few corners on it: {self.corners_then}"
+        there = self.proven / self.corners_then
+        if there < settings.least_present or self.proven < _LEAST_CORNERS:
+            return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
+        if self.contrast < settings.least_contrast * self.contrast_then:
+            return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
+        return ""
+
+    def _places_of(self, px: FloatArray) -> FloatArray:
+        return np.asarray((px + 0.5 - self.box_px[:2]) / np.maximum(self.box_px[2:] - self.box_px[:2], 1.0))
+
+
+def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
+    """Share of a box that lies inside the image.
+
+    >>> in_view(np.array([-5.0, 0.0, 5.0, 10.0]), (100, 100))
+    0.5
+    """
+    clipped = np.clip(box_px, 0.0, np.array([*size, *size], dtype=np.float64))
+    area = float(np.prod(box_px[2:] - box_px[:2]))
+    return float(np.prod(clipped[2:] - clipped[:2])) / area if area > 0.0 else 0.0

@@ -1,0 +1,392 @@
+"""Section III-C, conducted: every object is followed by its own pixels, and its detections held against them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from belie.checks.objects import Habit, ObjectSettings, RunTest, run_threshold
+from belie.detector.alerts import Judgement
+from belie.detector.association import assign, covered, overlaps
+from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.scene_witness import Scene, SceneWitness
+from belie.geometry import CameraModel, FloatArray
+from belie.geometry.boxes import projected_box_px
+from belie.odometry.local_features import ImageStack
+from belie.odometry.tracking import TrackingSettings
+from belie.types import (
+    CheckResult,
+    Claim,
+    Detection,
+    DetectionClaim,
+    Frame,
+    GrayImage,
+    Status,
+    VisualEstimate,
+)
+
+_MOST_AHEAD_NS = 5_000_000_000
+_FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
+_LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
+_SILENT = 5.0  # its usual intervals
+_HALF_SIGHT_PX = 24.0  # side at which a label counts half
+_LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
+_APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
+_MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
+_NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
+_STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
+
+
+@dataclass(slots=True)
+class ObjectStream:
+    """All objects of one detector."""
+
+    source: str
+    camera: CameraModel
+    settings: ObjectSettings
+    tracking: TrackingSettings
+    false_alarms_per_hour: float
+    scene: SceneWitness
+    tracks: list[ObjectTrack] = field(default_factory=list)
+    waiting: list[DetectionClaim] = field(default_factory=list)
+    last_ns: int | None = None
+    interval_s: float = 0.0
+    crowd: float = 1.0  # objects at a time
+    unboxed: int = 0
+    _made: int = 0
+    _missed: Habit = field(init=False)
+    _misnamed: Habit = field(init=False)
+
+    def __post_init__(self) -> None:
+        s = self.settings
+        self._missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps)
+        self._misnamed = Habit(s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps)
+
+    # -- images --------------------------------------------------------------------------------------
+
+    def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
+        """Carry every object to the new image; forget those that are lost or long gone."""
+        for track in self.tracks:
+            track.follow(previous, current, stamp_ns, self.tracking)
+        self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
+
+    def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
+        if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
+            return True
+        known_ns = max(track.last_seen_ns, track.last_found_ns if track.hiding.accused else 0)
+        patience = _FORGET_NS if track.absence(size, self.settings) else 5 * _FORGET_NS
+        return stamp_ns - known_ns > max(patience, int(3e9 * self.interval_s))
+
+    # -- messages ------------------------------------------------------------------------------------
+
+    def hear(self, frame_ns: int, half_ns: int, current: ImageStack) -> None:
+        """Judge every message that belongs to this frame or an earlier one."""
+        self.waiting.sort(key=lambda claim: claim.stamp_ns)
+        while self.waiting and self.waiting[0].stamp_ns <= frame_ns + half_ns:
+            claim = self.waiting.pop(0)
+            if self.last_ns is not None and claim.stamp_ns <= self.last_ns:
+                continue  # told again, or out of order
+            self._judge(claim, current)
+
+    def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
+        if self.last_ns is not None:
+            step_s = (claim.stamp_ns - self.last_ns) * 1e-9
+            self.interval_s = min(step_s, 1.0) if not self.interval_s else self.interval_s
+            self.interval_s += 0.1 * (min(step_s, 1.0) - self.interval_s)
+        self.last_ns = claim.stamp_ns
+        told = [(d, box) for d in claim.detections if (box := self._box(d)) is not None]
+        boxes = np.array([box for _, box in told]).reshape(-1, 4)
+        then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
+        found = assign(then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told])
+        self.crowd += 0.05 * (len(self.tracks) - self.crowd)
+        for i, track in enumerate(self.tracks):
+            if i not in found:
+                self._absent(track, claim.stamp_ns, boxes, current.size)
+        for i, j in found.items():
+            others = [self.tracks[k] for k in found if k != i]
+            rest = np.delete(boxes, j, axis=0)
+            self._present(self.tracks[i], told[j][0], boxes[j], claim.stamp_ns, others, rest, current)
+        for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -_side(boxes[j])):
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
+
+    def _box(self, detection: Detection) -> FloatArray | None:
+        box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
+        if box is None:
+            self.unboxed += 1
+            return None
+        border = np.array([self.camera.width, self.camera.height] * 2, dtype=np.float64)
+        clipped = np.clip(box, 0.0, border)
+        return clipped if (clipped[2:] - clipped[:2] >= 4.0).all() else None
+
+    def _threshold(self, check: str) -> float:
+        rate = self.false_alarms_per_hour * _RATE_SHARE[check]
+        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
+
+    def _absent(self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, size: tuple[int, int]) -> None:
+        fair = track.absence(size, self.settings)
+        here = track.box_at(stamp_ns)
+        cover = covered(here, boxes)
+        merged = len(boxes) > 0 and float(overlaps(here[None], boxes).max()) > _MERGED
+        if not fair and cover > self.settings.most_covered and (merged or cover > track.cover_then + _NEWLY):
+            fair = "covered by another detection"
+        if fair:
+            track.hiding.excuse()
+        else:
+            track.hiding.wrong(self.interval_s, self._threshold("hiding"), stamp_ns)
+
+    def _present(
+        self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, others: list[ObjectTrack],
+        others_px: FloatArray, current: ImageStack,
+    ) -> None:  # fmt: skip
+        s = self.settings
+        known = track.weight >= s.established
+        fair = track.absence(current.size, s)
+        group = s.classes.of(detection.label)
+        another = next((o for o in others if detection.track_id and o.track_id == detection.track_id), None)
+        swapped = known and another is not None and _apart(track.box_px, another.box_px)
+        weight = _weight(detection.score)
+        vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
+        misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
+        track.hiding.right()
+        if (misnamed or swapped) and not fair:
+            track.called = detection.label if misnamed else f"id {detection.track_id}"
+            track.naming.wrong(self.interval_s, self._threshold("misclassification"), stamp_ns)
+        elif misnamed or swapped:
+            track.naming.excuse()
+        else:
+            track.naming.right()
+            track.called = ""
+        if not swapped and detection.track_id:
+            track.track_id = track.name = detection.track_id
+        if not track.naming.accused:  # never learn from what was accused
+            track.votes[group] = track.votes.get(group, 0.0) + vote
+            track.label = track.label if misnamed else detection.label
+        track.weight += weight
+        track.detect(box, stamp_ns, current.size)
+        self._look_behind(track, group, stamp_ns)
+        track.renew(current, s, self.scene.frame)
+        track.cover_then = covered(box, others_px)
+
+    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
+        """Add up what speaks for a box that shows the background only."""
+        track.phantom_why = ""
+        if group not in _STANDING:
+            track.phantom_why = f"a {track.label} need not stand on the ground"
+            return
+        evidence = None if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        if evidence is None:
+            track.phantom_why = self.scene.why or "its corners cannot be told from the ground"
+            return
+        if track.phantom == 0.0:
+            track.phantom_since_ns = stamp_ns
+        track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
+        track.is_phantom = track.phantom >= self._threshold("injection") * (0.5 if track.is_phantom else 1.0)
+
+    def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
+        if len(self.tracks) >= self.settings.most_objects:
+            return
+        self._made += 1
+        track = ObjectTrack(
+            name=detection.track_id or f"#{self._made}",
+            track_id=detection.track_id,
+            label=detection.label,
+            box_px=box,
+            hiding=RunTest(self._missed),
+            naming=RunTest(self._misnamed),
+        )
+        weight = _weight(detection.score)
+        track.weight = weight
+        track.votes[self.settings.classes.of(detection.label)] = weight * min(
+            1.0, 0.5 * _side(box) / _HALF_SIGHT_PX
+        )
+        track.detect(box, stamp_ns, current.size)
+        track.renew(current, self.settings, self.scene.frame)
+        self.tracks.append(track)
+
+    # -- answers -------------------------------------------------------------------------------------
+
+    def answer(self, frame_ns: int, size: tuple[int, int]) -> list[Judgement]:
+        """One result a check, and one for every object that is lied about."""
+        silent_ns = max(_LONGEST_NS, int(_SILENT * self.interval_s * 1e9))
+        if self.last_ns is None or frame_ns - self.last_ns > silent_ns:
+            since = "yet" if self.last_ns is None else f"for {(frame_ns - self.last_ns) * 1e-9:.1f} s"
+            return self.withhold(f"no message {since}")
+        return [*self._answer_hiding(size), *self._answer_naming(), *self._answer_injection()]
+
+    def withhold(self, reason: str) -> list[Judgement]:
+        """UNDECIDED, for all checks."""
+        return [
+            Judgement(result=CheckResult(
+                check=check, source=self.source, status=Status.UNDECIDED, unit="llr", reason=reason))
+            for check in ("hiding", "misclassification", "injection")
+        ]  # fmt: skip
+
+    def _answer_hiding(self, size: tuple[int, int]) -> list[Judgement]:
+        threshold = self._threshold("hiding")
+        floor = self._floor(self._missed, threshold)
+        accused, doubtful = [], []
+        worst: ObjectTrack | None = None
+        for track in self.tracks:
+            if track.hiding.accused:
+                accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
+                    check="hiding", source=self.source, status=Status.CONTRADICTED,
+                    statistic=track.hiding.statistic, threshold=threshold, unit="llr", floor=floor,
+                    reason=f"{track.label} {track.name} {_where(track.box_px)} is not in the last "
+                    f"{track.hiding.length} messages, but {_there(track)}; the detector's own habit explains "
+                    "shorter gaps only", object=track.name)))  # fmt: skip
+            elif track.last_seen_ns < (self.last_ns or 0) and track.weight >= self.settings.established:
+                fair = track.absence(size, self.settings)
+                if fair and not fair.startswith(("too small", "leaving")):
+                    doubtful.append(f"{track.label} {track.name} is missing: {fair}")
+            if not track.hiding.accused and (
+                worst is None or track.hiding.statistic > worst.hiding.statistic
+            ):
+                worst = track
+        if accused:
+            return accused
+        status = Status.UNDECIDED if doubtful else Status.CONSISTENT
+        reason = doubtful[0] if doubtful else f"{len(self.tracks)} objects, none missing longer than usual"
+        return [Judgement(result=CheckResult(
+            check="hiding", source=self.source, status=status, threshold=threshold, unit="llr", floor=floor,
+            statistic=worst.hiding.statistic if worst else 0.0, reason=reason,
+            object=worst.name if worst and worst.hiding.length else None))]  # fmt: skip
+
+    def _answer_naming(self) -> list[Judgement]:
+        threshold = self._threshold("misclassification")
+        floor = self._floor(self._misnamed, threshold)
+        accused = [
+            Judgement(onset_ns=track.naming.onset_ns, result=CheckResult(
+                check="misclassification", source=self.source, status=Status.CONTRADICTED,
+                statistic=track.naming.statistic, threshold=threshold, unit="llr", floor=floor,
+                reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
+                f"{track.naming.length} messages, but its pixels are the same: {_there(track)}",
+                object=track.name))
+            for track in self.tracks if track.naming.accused
+        ]  # fmt: skip
+        if accused:
+            return accused
+        worst = max(self.tracks, key=lambda track: track.naming.statistic, default=None)
+        return [Judgement(result=CheckResult(
+            check="misclassification", source=self.source, status=Status.CONSISTENT, threshold=threshold,
+            unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0,
+            reason=f"{len(self.tracks)} objects keep their names",
+            object=worst.name if worst and worst.naming.length else None))]  # fmt: skip
+
+    def _answer_injection(self) -> list[Judgement]:
+        threshold = self._threshold("injection")
+        accused = [
+            Judgement(onset_ns=track.phantom_since_ns, result=CheckResult(
+                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom,
+                threshold=threshold, unit="llr", object=track.name,
+                reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
+                "box lie on the ground or the wall behind it"))
+            for track in self.tracks if track.is_phantom
+        ]  # fmt: skip
+        if accused:
+            return accused
+        told = [track for track in self.tracks if track.last_seen_ns == self.last_ns]
+        unseen = [track for track in told if track.phantom_why]
+        worst = max(told, key=lambda track: track.phantom, default=None)
+        status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
+        reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
+        if status is Status.UNDECIDED:
+            reason = f"no box can be told from what is behind it: {unseen[0].phantom_why}"
+        return [Judgement(result=CheckResult(
+            check="injection", source=self.source, status=status, threshold=threshold, unit="llr",
+            statistic=worst.phantom if worst else 0.0, reason=reason))]  # fmt: skip
+
+    def _floor(self, habit: Habit, threshold: float) -> str | None:
+        """Shortest run that would be accused."""
+        if not self.interval_s:
+            return None
+        test = RunTest(habit)
+        while not test.wrong(self.interval_s, threshold, 0) and test.length < 1000:
+            pass
+        return f"{test.length * self.interval_s:.1f} s"
+
+
+class ObjectStage:
+    """The object checks of the `default` profile, for all detectors of a robot."""
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        settings: ObjectSettings,
+        tracking: TrackingSettings,
+        false_alarms_per_hour: float,
+    ) -> None:
+        self._camera, self._settings, self._tracking = camera, settings, tracking
+        self._rate = false_alarms_per_hour
+        self.streams: dict[str, ObjectStream] = {}
+        self._scene = SceneWitness(camera)
+        self._previous: ImageStack | None = None
+        self._previous_ns = 0
+
+    def take(self, claims: tuple[Claim, ...], now_ns: int) -> None:
+        """Keep the messages until their frame has come; not those of a broken clock."""
+        for claim in claims:
+            if isinstance(claim, DetectionClaim) and claim.stamp_ns - now_ns < _MOST_AHEAD_NS:
+                if claim.source not in self.streams:
+                    self.streams[claim.source] = ObjectStream(
+                        claim.source, self._camera, self._settings, self._tracking, self._rate, self._scene
+                    )
+                self.streams[claim.source].waiting.append(claim)
+
+    def update(
+        self,
+        frame: Frame,
+        estimate: VisualEstimate | None = None,
+        scene: Scene | None = None,
+        *,
+        doubted: str = "",
+    ) -> list[Judgement]:
+        """Follow all objects into a frame and judge what was told of them.
+
+        `estimate` and `scene`: the camera's own motion since the previous frame and the depths of its corners, where
+        they are known. `doubted`: why the image is not fit to judge by; objects stay where they were.
+        """
+        if not self.streams:
+            return []
+        if doubted:
+            return [j for stream in self.streams.values() for j in stream.withhold(f"not judged: {doubted}")]
+        current = ImageStack(_as_gray(frame.image))
+        self._scene.move(estimate, scene)
+        half_ns = (frame.stamp_ns - self._previous_ns) // 2 if self._previous is not None else 0
+        judgements: list[Judgement] = []
+        for stream in self.streams.values():
+            if self._previous is not None:
+                stream.follow(self._previous, current, frame.stamp_ns)
+            stream.hear(frame.stamp_ns, half_ns, current)
+            judgements += stream.answer(frame.stamp_ns, current.size)
+        self._previous, self._previous_ns = current, frame.stamp_ns
+        return judgements
+
+
+def _as_gray(image: GrayImage) -> GrayImage:
+    return np.ascontiguousarray(image)
+
+
+def _weight(score: float) -> float:
+    return 2.0 * min(max((score - 0.3) / 0.6, 0.1), 1.0)
+
+
+def _side(box: FloatArray) -> float:
+    return float((box[2:] - box[:2]).max())
+
+
+def _apart(a: FloatArray, b: FloatArray) -> bool:
+    gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
+    return gap > _APART * (_side(a) + _side(b))
+
+
+def _where(box: FloatArray) -> str:
+    return "at [" + ", ".join(f"{edge:.0f}" for edge in box) + "] px"
+
+
+def _there(track: ObjectTrack) -> str:
+    error = track.motion.error_px2 if track.motion is not None else None
+    fit = "" if error is None else f", e^L {error:.2f} px²"
+    return f"{track.proven} of {track.corners_then} corners on it move on as one{fit}"

@@ -1,0 +1,127 @@
+"""The still scene around the objects: where the ground is, and what stands in a box, by the camera's own motion."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from belie.checks.objects import background_evidence
+from belie.detector.object_track import ObjectTrack
+from belie.geometry import SE3, CameraModel, FloatArray
+from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plane, static_inverse_depth
+from belie.types import VisualEstimate
+
+Scene = tuple[FloatArray, FloatArray, FloatArray]  # undistorted (N, 2), 1/Z and its deviation
+
+_SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and the rotation's share
+_MEMORY = 40  # frames
+_RING = 1.0  # of the box's side: how far around it its wall is looked for
+_FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-air
+_GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
+
+
+@dataclass(slots=True)
+class SceneWitness:
+    """Keeps the camera's own path in map units, and the ground."""
+
+    camera: CameraModel
+    frame: int = 0
+    why: str = "the camera's motion is not known"
+    _poses: deque[tuple[int, SE3]] = field(default_factory=lambda: deque(maxlen=_MEMORY))
+    _map_id: int = -1
+    _scene: Scene | None = None
+    _ground: InverseDepthPlane | None = None
+    _grounds: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=15))  # the latest fits
+    _ground_frame: int = 0
+
+    def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
+        """Take over the camera's motion to a new frame, and the depths of its corners there."""
+        self.frame += 1
+        self._scene = scene
+        if self.frame - self._ground_frame > _GROUND_LASTS:
+            self._ground = None
+        known = estimate is not None and estimate.reason is None and estimate.inliers > 0
+        if estimate is None or not known or scene is None:
+            self._poses.clear()
+            self._ground = None
+            self._grounds.clear()
+            self.why = (
+                estimate.reason if estimate is not None else None
+            ) or "the camera's motion is not known"
+            return
+        if estimate.map_id != self._map_id or not self._poses:
+            self._poses.clear()
+            self._ground = None
+            self._grounds.clear()
+            self._map_id = estimate.map_id
+            self._poses.append((self.frame - 1, SE3.identity()))
+        self._poses.append((self.frame, self._poses[-1][1] @ estimate.T_prev_cur))
+        seen = ground_plane(*scene)
+        if seen is not None:
+            self._grounds.append(seen.coefficients)
+            self._ground_frame = self.frame
+            self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
+        self.why = "" if self._ground is not None else "no ground is seen"
+
+    def evidence(self, track: ObjectTrack) -> float | None:
+        """Log-likelihood ratio, nats, for a box with the background in it; None where it cannot be told."""
+        if self._ground is None or self._scene is None:
+            return None
+        left, _, right, bottom = track.box_px
+        if bottom > self.camera.height - 2.0:
+            return None  # its foot is out of view
+        depth, deviation, xy = self._depths(track)
+        if len(xy) == 0:
+            return None
+        foot_xy = self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5)
+        foot = float(self._ground.at(foot_xy)[0])
+        found: list[float] = []
+        if foot > 0.0:
+            on_ground = background_evidence(depth, deviation, self._ground.at(xy), foot)
+            if on_ground is not None:
+                found.append(on_ground)
+        wall = self._wall(track.box_px)
+        if wall is not None and (wall.at(xy) > _FLOATS * max(foot, 1e-6)).all():
+            on_wall = background_evidence(depth, deviation, wall.at(xy), max(foot, 0.0))
+            if on_wall is not None:
+                found.append(on_wall)
+        return max(found, default=None)
+
+    def _undistorted(self, px: FloatArray) -> FloatArray:
+        return np.asarray(self.camera.normalize(px)).reshape(-1, 2)
+
+    def _depths(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Inverse depth, deviation and place of the corners that were seen from two places, as a still scene."""
+        poses = dict(self._poses)
+        now = poses[self.frame]
+        depth = np.full(len(track.births), np.nan)
+        deviation = np.full(len(track.births), np.nan)
+        xy = self._undistorted(track.corners_px)
+        sigma = _SIGMA_PX / self.camera.fx
+        for born in np.unique(track.births):
+            if int(born) not in poses or born == self.frame:
+                continue
+            which = track.births == born
+            motion = now.inverse() @ poses[int(born)]
+            rho, sd, still = static_inverse_depth(
+                self._undistorted(track.born_px[which]), xy[which], motion, sigma
+            )
+            depth[which] = np.where(still, rho, np.nan)
+            deviation[which] = sd
+        known = np.isfinite(deviation)
+        return depth[known], deviation[known], xy[known]
+
+    def _wall(self, box_px: FloatArray) -> InverseDepthPlane | None:
+        """The plane around a box that is not the ground."""
+        assert self._scene is not None
+        assert self._ground is not None
+        xy, rho, sd = self._scene
+        low, high = self._undistorted(box_px.reshape(2, 2) - 0.5)
+        side = high - low
+        near = ((xy > low - _RING * side) & (xy < high + _RING * side)).all(axis=1)
+        inside = ((xy > low) & (xy < high)).all(axis=1)
+        ground = np.abs(rho - self._ground.at(xy)) < 2.0 * sd + 0.1 * np.abs(rho)
+        chosen = near & ~inside & ~ground
+        return fit_plane(xy[chosen], rho[chosen], sd[chosen], least=8, share=0.6)

@@ -1,0 +1,71 @@
+"""A file of detections beside a recording: its format is recognised from its contents."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+from belie.recordings.detection_csv import is_detection_csv, read_detection_csv
+from belie.recordings.detection_rows import DetectionTable
+from belie.recordings.kitti_labels import is_kitti_labels, read_kitti_labels
+from belie.recordings.mot import is_mot, read_mot
+from belie.recordings.trajectory import rows_of
+from belie.types import RecordingError
+
+
+def read_detections(path: Path, *, names: Path | None = None) -> DetectionTable:
+    r"""Read KITTI tracking labels, MOT text, or a CSV file with a header.
+
+    Parameters
+    ----------
+    names : Path, optional
+        Names of MOT's classes, one a line, the first for class 1.
+
+    Raises
+    ------
+    RecordingError
+        If it is none of these, or a line of it is malformed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = (Path(folder) / "det.txt").write_text("1,-1,794.2,247.5,71.2,174.8,0.9,-1,-1,-1\n")
+    ...     read_detections(Path(folder) / "det.txt").kind
+    'MOT text'
+    """
+    for _, line in islice(rows_of(path, separator="\n"), 1):
+        separated = [field.strip() for field in line[0].split(",")]
+        if is_detection_csv(separated):
+            return read_detection_csv(path)
+        if is_mot(separated):
+            return read_mot(path, None if names is None else dict(enumerate(read_names(names), start=1)))
+        if is_kitti_labels(line[0].split()):
+            return read_kitti_labels(path)
+        raise RecordingError(
+            f"{path} holds no detections that belie knows: it starts with {line[0][:60]!r}; it reads KITTI tracking "
+            "labels, MOT text, and CSV with a header (frame,track_id,label,score,left,top,right,bottom)"
+        )
+    raise RecordingError(f"{path} is empty; expected KITTI tracking labels, MOT text, or CSV with a header")
+
+
+def read_names(path: Path) -> tuple[str, ...]:
+    r"""Names of classes, one a line.
+
+    Raises
+    ------
+    RecordingError
+        If there are none.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = (Path(folder) / "names.txt").write_text("person\nbicycle\ntraffic light\n")
+    ...     read_names(Path(folder) / "names.txt")
+    ('person', 'bicycle', 'traffic light')
+    """
+    names = tuple(fields[0] for _, fields in rows_of(path, separator="\n"))
+    if not names:
+        raise RecordingError(f"{path} holds no names; expected one a line")
+    return names
