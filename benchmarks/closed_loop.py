@@ -1,5 +1,7 @@
 """Drive on attacked claims, without belie and with it, over several seeds: who collides, and when.
 
+python benchmarks/closed_loop.py                  the paper's attack to the letter, ten seeds
+python benchmarks/closed_loop.py --attack         honest drives: nobody may collide, and nothing may stop them
 python benchmarks/closed_loop.py --seeds 1 2 3 --attack paper-odometry:start=60,restore=false
 """
 
@@ -24,7 +26,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, nargs=2, default=(320, 240), help="pixels")
     wanted = parser.parse_args()
     width, height = wanted.size
-    lost = saved = 0
+    lost = saved = alerted = 0
     for seed in wanted.seeds:
         scenario = load_scenario(
             wanted.scenario,
@@ -36,9 +38,12 @@ def main() -> None:
         )
         without, with_belie = compare(scenario, wanted.attack, world=build_world(scenario))
         lost, saved = lost + (not without.safe), saved + with_belie.safe
+        alerted += with_belie.alert is not None
         print(f"seed {seed}: {without.in_words()}; {with_belie.in_words()}", flush=True)
     count = len(wanted.seeds)
-    print(f"collisions without belie {lost} of {count}; safe with belie {saved} of {count}")
+    print(
+        f"collisions without belie {lost} of {count}; safe with belie {saved} of {count}, alerts in {alerted}"
+    )
 
 
 if __name__ == "__main__":

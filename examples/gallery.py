@@ -57,7 +57,8 @@ def picture(world: World, camera: CameraModel, weather: str, seed: int, t_s: flo
     """One scene in one weather, with its name."""
     with Renderer(world, camera, WEATHERS[weather], seed) as renderer:
         image = renderer.render(t_s, with_truth=False).bgr
-    cv2.putText(image, weather, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
+    (across, _), _ = cv2.getTextSize(weather, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+    image[:24, : across + 16] //= 3
     cv2.putText(image, weather, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
     return image
 

@@ -9,16 +9,16 @@ import pytest
 from belie.geometry import SE3, CameraModel, so3_exp
 from belie.simulation.sensors import (
     Arrival,
-    Gnss,
     GnssSettings,
     Imu,
     ImuSettings,
-    Localisation,
     LocalisationSettings,
     ObjectDetector,
     ObjectDetectorSettings,
     WheelOdometry,
     WheelOdometrySettings,
+    gnss,
+    localisation,
 )
 
 START_NS = 1_700_000_000_000_000_000
@@ -42,8 +42,8 @@ class Circling:
 SENSORS = [
     (Imu, ImuSettings()),
     (WheelOdometry, WheelOdometrySettings()),
-    (Gnss, GnssSettings()),
-    (Localisation, LocalisationSettings()),
+    (gnss, GnssSettings()),
+    (localisation, LocalisationSettings()),
 ]
 
 
@@ -125,9 +125,9 @@ def test_a_planar_odometry_sees_no_pitch_and_a_full_one_does():
     assert full.T_odom_body.log()[4] == pytest.approx(0.1, abs=0.01)
 
 
-@pytest.mark.parametrize("sensor", [Gnss, Localisation])
+@pytest.mark.parametrize("sensor", [gnss, localisation])
 def test_positions_err_as_their_covariance_says(sensor):
-    settings = GnssSettings() if sensor is Gnss else LocalisationSettings()
+    settings = GnssSettings() if sensor is gnss else LocalisationSettings()
     last = []
     for seed in range(300):
         claim = sensor(settings, start_ns=0, seed=seed).claims_until(Circling(), 1.0)[-1]

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from belie.simulation.meshes.builder import Builder
-from belie.simulation.meshes.vehicles import BODIES, PAINTS, vehicle_parts
+from belie.simulation.meshes.vehicle_bodies import BODIES, PAINTS
+from belie.simulation.meshes.vehicles import vehicle_parts
 from belie.simulation.textures.noise import fbm
 from belie.simulation.textures.walls import brick
 from belie.simulation.world import Material

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,17 +22,10 @@ from belie.cli.options import (
     Rate,
     Source,
 )
+from belie.cli.output import Encoding, require_free, write_labels, write_recording
 
 if TYPE_CHECKING:
     from belie.types import Step
-
-
-class Encoding(StrEnum):
-    """How images are stored."""
-
-    PNG = "png"
-    MONO8 = "mono8"
-    JPEG = "jpeg"
 
 
 class AttackCommand(TyperCommand):
@@ -84,12 +76,13 @@ def attack(
       belie attack drive.mcap camera-freeze:start=50 odometry-freeze:start=50 -o both.mcap
     """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.attacks import attack as attacked_by
-    from belie.attacks import labels_path, write_labels
-    from belie.cli.progress import frame_count, progress
-    from belie.recordings import open_recording, write_mcap
+    from belie.attacks import labels_path
+    from belie.cli.progress import frame_count
+    from belie.recordings import open_recording
 
     sidecar = labels_path(output)
-    _require_free(source, output, sidecar, force=force)
+    keep_apart(source, output, "-o")
+    require_free(output, [sidecar], force=force)
     recording = open_recording(
         source,
         image=image,
@@ -103,30 +96,17 @@ def attack(
     )
     attacked = attacked_by(recording, specs)
     labels = attacked.labels
-    # Written under another name first: what was there before survives a failure.
-    partial = output.with_name(f".{output.stem}.partial{output.suffix}")
-    partial.unlink(missing_ok=True)
-    try:
-        with progress(f"writing {output.name}", frame_count(recording)) as advance:
-            write_mcap(
-                partial,
-                _fit_for_messages(attacked.steps()),
-                cameras=recording.cameras,
-                body_axes=recording.body_axes,
-                image_encoding=encoding.value,
-                geodetic_origin=recording.geodetic_origin,
-                progress=lambda count: advance(),
-            )
-        partial.replace(output)
-    finally:
-        partial.unlink(missing_ok=True)
-    write_labels(sidecar, labels)
-    start_ns = int(attacked.frame_stamps_ns()[0])
-    for label in labels:
-        onset_s = (label.onset_ns - start_ns) * 1e-9
-        print(
-            f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s, frame {label.start_frame}"
-        )
+    write_recording(
+        output,
+        _fit_for_messages(attacked.steps()),
+        doing="writing",
+        frames=frame_count(recording),
+        cameras=recording.cameras,
+        body_axes=recording.body_axes,
+        encoding=encoding,
+        geodetic_origin=recording.geodetic_origin,
+    )
+    write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 
 
@@ -150,16 +130,3 @@ def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:
             )
             is_told = True
         yield replace(step, claims=claims)
-
-
-def _require_free(source: Path, output: Path, sidecar: Path, *, force: bool) -> None:
-    from belie.types import RecordingError
-
-    if output.suffix != ".mcap":
-        raise RecordingError(f"-o {output}: the name must end in .mcap, the format that is written")
-    keep_apart(source, output, "-o")
-    if output.is_dir():
-        raise RecordingError(f"-o {output} is a folder; choose another name")
-    taken = [str(path) for path in (output, sidecar) if path.exists()]
-    if taken and not force:
-        raise RecordingError(f"{' and '.join(taken)} exists already; --force overwrites it")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from belie.cli.attack import Encoding
+from belie.cli.output import Encoding
 from belie.cli.simulated_files import SimulatedFiles, Watcher
 
 if TYPE_CHECKING:
@@ -51,7 +51,9 @@ def simulate(
     ] = None,
     manoeuvre: Annotated[
         str | None,
-        typer.Option("--manoeuvre", metavar="M", help="straight, curve, lane-change, stop-and-go, highway."),
+        typer.Option(
+            "--manoeuvre", metavar="M", help="straight, curve, lane-change, stop-and-go, narrow, highway."
+        ),
     ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", help="Of the world and of every error.")

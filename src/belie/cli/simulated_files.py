@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from belie.cli.attack import Encoding
+from belie.cli.output import Encoding, require_free, write_labels, write_recording
 
 if TYPE_CHECKING:
     from belie.evaluation.closed_loop import Outcome
@@ -75,12 +75,6 @@ class SimulatedFiles:
         from belie.simulation.preview import require_suffix
         from belie.types import RecordingError
 
-        if self.recording.suffix != ".mcap":
-            raise RecordingError(
-                f"-o {self.recording}: the name must end in .mcap, the format that is written"
-            )
-        if self.recording.is_dir():
-            raise RecordingError(f"-o {self.recording} is a folder; choose another name")
         beside = [self.labels, self.trajectory, self.objects, self.outcome]
         if self.preview is not None:
             require_suffix(self.preview)
@@ -89,9 +83,7 @@ class SimulatedFiles:
                     f"--preview {self.preview}: the folder {self.preview.parent} does not exist"
                 )
             beside.append(self.preview)
-        taken = [str(path) for path in (self.recording, *beside) if path.exists()]
-        if taken and not force:
-            raise RecordingError(f"{' and '.join(taken)} exists already; --force overwrites it")
+        require_free(self.recording, beside, force=force)
         for path in beside:
             path.unlink(missing_ok=True)  # nothing stale may lie beside a new recording
 
@@ -99,43 +91,29 @@ class SimulatedFiles:
         self, steps: Iterable[Step], cameras: Mapping[str, MountedCamera], scenario: Scenario
     ) -> None:
         """Render and write, under a progress bar."""
-        from belie.cli.progress import progress
-        from belie.recordings import GeodeticPoint, write_mcap
+        from belie.recordings import GeodeticPoint
 
         gnss = scenario.sensors.gnss
-        origin = GeodeticPoint(
-            latitude_deg=gnss.latitude_deg, longitude_deg=gnss.longitude_deg, altitude_m=gnss.altitude_m
+        write_recording(
+            self.recording,
+            steps,
+            doing="rendering",
+            frames=scenario.frame_count,
+            cameras=cameras,
+            body_axes="flu",
+            encoding=self.encoding,
+            jpeg_quality=self.jpeg_quality,
+            geodetic_origin=GeodeticPoint(
+                latitude_deg=gnss.latitude_deg, longitude_deg=gnss.longitude_deg, altitude_m=gnss.altitude_m
+            ),
         )
-        # Written under another name first: what was there before survives a failure.
-        path = self.recording
-        partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-        partial.unlink(missing_ok=True)
-        try:
-            with progress(f"rendering {path.name}", scenario.frame_count) as advance:
-                write_mcap(
-                    partial,
-                    steps,
-                    cameras=cameras,
-                    body_axes="flu",
-                    image_encoding=self.encoding.value,
-                    jpeg_quality=self.jpeg_quality,
-                    geodetic_origin=origin,
-                    progress=lambda count: advance(),
-                )
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
 
     def write_labels(self, drive: Replayed, specs: Sequence[str]) -> None:
         """The labels, from the claims that were just simulated: nothing is rendered again."""
-        from belie.attacks import attack, write_labels
+        from belie.attacks import attack
 
         attacked = attack(drive.replayed(), list(specs))
-        write_labels(self.labels, attacked.labels)
-        start_ns = int(attacked.frame_stamps_ns()[0])
-        for label in attacked.labels:
-            onset_s = (label.onset_ns - start_ns) * 1e-9
-            print(f"{label.text}: {', '.join(label.sources)} lies from {onset_s:.2f} s")
+        write_labels(self.labels, attacked.labels, int(attacked.frame_stamps_ns()[0]))
 
     def write_outcome(self, specs: Sequence[str], outcomes: Sequence[Outcome]) -> None:
         """How a closed loop ended, as JSON."""

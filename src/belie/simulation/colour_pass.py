@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.simulation.glows import glow_sprites
-from belie.simulation.gpu import GpuMesh
 from belie.simulation.light import light_uniforms
 from belie.simulation.noise_maps import NoiseMaps
+from belie.simulation.paint import Paint
 from belie.simulation.placed import Placed
-from belie.simulation.programs import UNITS, has_mirror, has_sun, set_all, set_one
+from belie.simulation.programs import UNITS, Programs, has_mirror, has_sun, set_all
 from belie.simulation.projection import (
     frustum_planes,
     mirrored,
@@ -34,8 +34,6 @@ _SAMPLES = 4  # without them edges sparkle, and corners are found that are none
 _SAMPLE_ALPHA_TO_COVERAGE = 0x809E
 _MIRROR_SHARE = 3  # a wet road smears what it mirrors: a third of the resolution does
 _MIRROR_REACH_M = 90.0
-_POLISHED = 0.1  # what is glossier than this has no stains
-_IDENTITY = np.eye(4)
 
 
 class ColourPass:
@@ -44,7 +42,7 @@ class ColourPass:
     def __init__(
         self,
         context: moderngl.Context,
-        programs: dict[str, moderngl.Program],
+        programs: Programs,
         stock: Stock,
         world: World,
         camera: CameraModel,
@@ -114,101 +112,52 @@ class ColourPass:
         self._context.front_face = "ccw" if is_mirror else "cw"
         target.use()
         target.clear(depth=1.0)
-        suffix = " mirrored" if is_mirror else ""
-        self._opaque(self._programs["opaque" + suffix], common, planes, bodies, eye)
+        paint = Paint(self._programs, self._world, self._weather, common, is_mirrored=is_mirror)
+        self._opaque(paint, planes, bodies, eye)
         self._sky(R_world_cam, common)
-        self._decals(target, self._programs["decal" + suffix], common, planes, bodies)
-        self._cutouts(self._programs["cutout" + suffix], common, planes, bodies, covers=not is_mirror)
+        self._decals(target, paint, planes, bodies)
+        self._cutouts(paint, planes, bodies, covers=not is_mirror)
         self._glows(target, view, placed, eye)
 
-    def _opaque(
-        self,
-        program: moderngl.Program,
-        common: dict[str, object],
-        planes: FloatArray,
-        bodies: list[Placed],
-        eye: FloatArray,
-    ) -> None:
+    def _opaque(self, paint: Paint, planes: FloatArray, bodies: list[Placed], eye: FloatArray) -> None:
         """Solid surfaces, from near to far.
 
         To draw all depths first, so that each pixel is lit but once, costs more on llvmpipe than it saves.
         """
         self._context.enable(self._context.CULL_FACE)
-        self._bodies("opaque", program, common, bodies)
-        set_one(program, "model", _IDENTITY)
+        self._bodies("opaque", paint, bodies)
         for mesh, runs in self._stock.nearest_first("opaque", planes, eye):
-            self._prepare(mesh, program, moves=False)
-            self._stock.draw_runs(mesh, program, runs)
+            self._stock.draw_runs(mesh, paint.standing(mesh.material), runs)
         self._context.disable(self._context.CULL_FACE)
 
     def _decals(
-        self,
-        target: moderngl.Framebuffer,
-        program: moderngl.Program,
-        common: dict[str, object],
-        planes: FloatArray,
-        bodies: list[Placed],
+        self, target: moderngl.Framebuffer, paint: Paint, planes: FloatArray, bodies: list[Placed]
     ) -> None:
         context = self._context
         context.enable(context.BLEND)
         context.blend_func = context.SRC_ALPHA, context.ONE_MINUS_SRC_ALPHA
         target.depth_mask = False
-        self._surfaces("decal", program, common, planes, bodies)
+        self._surfaces("decal", paint, planes, bodies)
         target.depth_mask = True
         context.disable(context.BLEND)
 
-    def _cutouts(
-        self,
-        program: moderngl.Program,
-        common: dict[str, object],
-        planes: FloatArray,
-        bodies: list[Placed],
-        *,
-        covers: bool,
-    ) -> None:
+    def _cutouts(self, paint: Paint, planes: FloatArray, bodies: list[Placed], *, covers: bool) -> None:
         """Leaves and signs; `covers` smooths their edges by the samples that they cover."""
         if covers:
             self._context.enable_direct(_SAMPLE_ALPHA_TO_COVERAGE)
-        self._surfaces("cutout", program, common, planes, bodies)
+        self._surfaces("cutout", paint, planes, bodies)
         self._context.disable_direct(_SAMPLE_ALPHA_TO_COVERAGE)
 
-    def _surfaces(
-        self,
-        kind: str,
-        program: moderngl.Program,
-        common: dict[str, object],
-        planes: FloatArray,
-        bodies: list[Placed],
-    ) -> None:
-        self._bodies(kind, program, common, bodies)
-        set_one(program, "model", _IDENTITY)
+    def _surfaces(self, kind: str, paint: Paint, planes: FloatArray, bodies: list[Placed]) -> None:
+        self._bodies(kind, paint, bodies)
         for mesh in self._stock.still(kind):
-            self._prepare(mesh, program, moves=False)
-            self._stock.draw(mesh, program, planes)
+            self._stock.draw(mesh, paint.standing(mesh.material), planes)
 
-    def _bodies(
-        self, kind: str, program: moderngl.Program, common: dict[str, object], bodies: list[Placed]
-    ) -> None:
-        set_all(program, common)
+    def _bodies(self, kind: str, paint: Paint, bodies: list[Placed]) -> None:
         for body in bodies:
             for part, model, _ in body.parts:
-                set_one(program, "model", model)
                 for mesh in self._stock.of_part(part, kind):
-                    self._prepare(mesh, program, moves=True)
-                    self._stock.draw(mesh, program, None)
-
-    def _prepare(self, mesh: GpuMesh, program: moderngl.Program, *, moves: bool) -> None:
-        material = mesh.material
-        # Stains stick to the world, not to what moves; and nothing polished has them.
-        is_stained = not (moves or self._world.is_indoors or material.gloss > _POLISHED)
-        values = {
-            "gloss": material.gloss,
-            "glow": material.glow,
-            "two_sided": float(material.is_double_sided),
-            "wetness": self._weather.wetness if material.is_ground else 0.0,
-            "detail_share": float(is_stained),
-        }
-        set_all(program, values)
+                    self._stock.draw(mesh, paint.moving(mesh.material, model), None)
 
     def _sky(self, R_world_cam: FloatArray, common: dict[str, object]) -> None:
         rays = picture_rays(self._camera, R_world_cam)

@@ -82,9 +82,7 @@ class DrivenRecording:
 
     def replayed(self) -> Replay:
         """The honest claims of the drive before black frames: all that attack labels need."""
-        return Replay(
-            cameras=self.cameras, stamps_ns=tuple(self.frame_stamps_ns().tolist()), claims=tuple(self._claims)
-        )
+        return Replay.of(self, self._claims)
 
     def _drive_to(self, stop_s: float) -> None:
         steer_rad, acceleration = self.command

@@ -33,8 +33,8 @@ def open_context() -> moderngl.Context:
     except ImportError:
         raise MissingExtraError("moderngl", "sim") from None
     try:
-        # moderngl's stub takes the settings for a dict; the documentation gives them by name.
-        return moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
+        settings: dict[str, Any] = {"backend": "egl"}  # moderngl's stub takes each setting for a dict
+        return moderngl.create_context(standalone=True, require=330, **settings)
     except Exception as error:  # glcontext raises bare Exception for a library that is not there
         why = " ".join(str(error).split())
         raise BelieError(

@@ -115,23 +115,27 @@ class Imaging:
             return bgr if self.lens_map is None else cv2.remap(bgr, *self.lens_map, cv2.INTER_LINEAR)
         s = self._settings
         exposure_s = 1e-3 * self._weather.exposure_ms if s.motion_blur else 0.0
-        rows = (self._grid[..., 1:] + 0.5) / self._camera.height - 0.5
-        start = motion * (rows * (1e-3 * s.readout_ms if s.rolling_shutter else 0.0))
         # The fastest pixels set the number of samples, up to a bound: beyond it the smear is coarse but long enough.
         fast = float(np.percentile(np.abs(motion[::8, ::8]).max(axis=2), 98.0)) * exposure_s
         taps = int(np.clip(np.ceil(fast / _PX_A_TAP), 1, _MOST_TAPS)) if fast > 0.4 else 1
         if taps == 1 and not s.rolling_shutter:
             return bgr if self.lens_map is None else cv2.remap(bgr, *self.lens_map, cv2.INTER_LINEAR)
-        # Seen at a later time a point lies farther along its motion: what a pixel sees then came from behind.
-        place = base - start
+        place = self._rolled(base, motion) if s.rolling_shutter else base
         if taps == 1:
             return np.asarray(cv2.remap(bgr, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
         total = np.zeros((*place.shape[:2], 3), np.float32)
         for share in (np.arange(taps) + 0.5) / taps - 0.5:
-            shifted = place - motion * np.float32(share * exposure_s)
+            shifted = cv2.scaleAdd(motion, -float(share) * exposure_s, place)
             sample = cv2.remap(bgr, shifted, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             cv2.accumulate(sample, total)
         return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / taps))
+
+    def _rolled(self, base: FloatImage, motion: FloatImage) -> FloatImage:
+        """Where each row finds what it sees: later, a point lies farther along its motion, so it came from behind."""
+        late_s = ((self._grid[..., 1:] + 0.5) / self._camera.height - 0.5) * (
+            1e-3 * self._settings.readout_ms
+        )
+        return np.asarray(base - motion * late_s)
 
     def _motion(self, truth: FloatImage | None) -> FloatImage | None:
         """Motion of each pixel of the image, px/s, shape (H, W, 2)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.simulation.rendered import Rendered
@@ -133,14 +134,14 @@ def _label(
 def actor_silhouette(
     actor: Actor, camera: CameraModel, T_cam_obj: SE3, t_s: float
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Triangles of an actor in the picture, shape (M, 3, 2), and the edges around them, shape (4,).
+    """What an actor shows of its triangles, shape (M, 3, 2), px, and the edges around all of them, shape (4,).
 
-    Triangles that reach behind the camera are left out; None if nothing is left. Edges are counted from the image's
-    corner, triangles from the middle of the first pixel.
+    Triangles that reach behind the camera are left out; None if nothing is left. Backs are not shown.
+    Edges are counted from the image's corner, triangles from the middle of the first pixel.
     """
     from belie.simulation.articulation import part_pose
 
-    triangles = []
+    seen, shape = [], []
     for part in actor.parts:
         T_obj_part = part_pose(part, actor.motion.travelled_m(t_s), t_s)
         if T_obj_part is None:
@@ -152,12 +153,19 @@ def actor_silhouette(
             points = mesh.points @ T[:3, :3].T + T[:3, 3]
             corners = points[mesh.triangles]
             corners = corners[(corners[:, :, 2] > _NEAR_M).all(axis=1)]
-            triangles.append(camera.project(corners.reshape(-1, 3)).reshape(-1, 3, 2))
-    all_px = np.concatenate(triangles) if triangles else np.zeros((0, 3, 2))
-    if len(all_px) == 0:
+            flat_px = camera.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+            shape.append(flat_px.reshape(-1, 2))
+            seen.append(flat_px if mesh.material.is_cutout else flat_px[_faces_camera(flat_px)])
+    flat = np.concatenate(shape) if shape else np.zeros((0, 2))
+    if len(flat) == 0:
         return None
-    flat = all_px.reshape(-1, 2)
-    return all_px, np.concatenate([flat.min(axis=0), flat.max(axis=0)]) + 0.5
+    return np.concatenate(seen), np.concatenate([flat.min(axis=0), flat.max(axis=0)]) + 0.5
+
+
+def _faces_camera(triangles_px: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which triangles show their front: the renderer draws no other, and they cover as much."""
+    a, b = triangles_px[:, 1] - triangles_px[:, 0], triangles_px[:, 2] - triangles_px[:, 0]
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0.0)
 
 
 def _covered_pixels(triangles_px: FloatArray, box: FloatArray) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
+from typing import TypedDict, Unpack
 
 from belie.simulation.textures import ground, indoor, openings, plants, vehicles, walls
 from belie.simulation.textures.noise import Rgba
@@ -12,12 +14,22 @@ WALL_KINDS = ("plaster", "brick", "ashlar", "concrete")
 _WALLS = {"plaster": walls.plaster, "brick": walls.brick, "ashlar": walls.ashlar, "concrete": walls.concrete}
 
 
+class Look(TypedDict, total=False):
+    """What a material may have beside its picture; see `Material`."""
+
+    gloss: float
+    glow: float
+    seen_m: float
+    is_cutout: bool
+    is_decal: bool
+    is_ground: bool
+    is_double_sided: bool
+
+
 @lru_cache(maxsize=128)
-def surface(image_of: object, *arguments: object, gloss: float = 0.0, **flags: bool | float) -> Material:
+def surface(image_of: Callable[..., Rgba], *arguments: object, **look: Unpack[Look]) -> Material:
     """A material of a texture function's picture: the same arguments, the same material."""
-    assert callable(image_of)
-    image: Rgba = image_of(*arguments)
-    return Material(image=image, gloss=gloss, **flags)  # type: ignore[arg-type]
+    return Material(image=image_of(*arguments), **look)
 
 
 def wall(kind: str, seed: int) -> Material:
@@ -65,7 +77,7 @@ def field(kind: str) -> Material:
     return surface(ground.field, kind, 3)
 
 
-def decal(image_of: object, *arguments: object) -> Material:
+def decal(image_of: Callable[..., Rgba], *arguments: object) -> Material:
     """Something thin that lies on the ground."""
     return surface(image_of, *arguments, is_decal=True, is_ground=True)
 
@@ -120,12 +132,12 @@ def bright_lamp(colour: tuple[float, float, float]) -> Material:
     return surface(vehicles.lamp, colour, 1.0, glow=1.0)
 
 
-def sign(image_of: object, *arguments: object) -> Material:
+def sign(image_of: Callable[..., Rgba], *arguments: object) -> Material:
     """A traffic sign cut out of sheet metal."""
     return surface(image_of, *arguments, is_cutout=True)
 
 
-def picture(image_of: object, *arguments: object) -> Material:
+def picture(image_of: Callable[..., Rgba], *arguments: object) -> Material:
     """A printed rectangle."""
     return surface(image_of, *arguments)
 

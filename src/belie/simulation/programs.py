@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from belie.simulation import shaders
+from belie.simulation import shaders, surface_shaders
 from belie.simulation.weather import Weather
 from belie.simulation.world import Material, World
 
@@ -43,34 +43,72 @@ def has_mirror(world: World, weather: Weather) -> bool:
     return weather.wetness > 0.0 and world.has_flat_ground and not world.is_indoors
 
 
-def compile_programs(
-    context: moderngl.Context, world: World, weather: Weather
-) -> dict[str, moderngl.Program]:
-    """All programs by name; `` mirrored`` ones draw what a wet road mirrors."""
-    defines = _defines(world, weather)
-    mirrors = has_mirror(world, weather)
-    sources = {}
-    for kind, own in _KINDS.items():
-        sources[kind] = (
-            shaders.VERTEX,
-            shaders.FRAGMENT,
-            {**defines, **own, **({"MIRROR": ""} if mirrors else {})},
-        )
-        if mirrors:
-            mirrored = {**defines, **own, "MIRRORED": ""}
-            sources[f"{kind} mirrored"] = (shaders.VERTEX, shaders.FRAGMENT, mirrored)
-    for kind in ("opaque", "cutout"):
-        sources[f"shadow {kind}"] = (shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT, _KINDS[kind])
-        sources[f"truth {kind}"] = (shaders.TRUTH_VERTEX, shaders.TRUTH_FRAGMENT, _KINDS[kind])
-    sources["sky"] = (shaders.FULL_SCREEN, shaders.SKY, {})
-    sources["far"] = (shaders.FULL_SCREEN, shaders.FAR_TRUTH, {})
-    sources["glow"] = (shaders.GLOW_VERTEX, shaders.GLOW_FRAGMENT, {})
-    return {name: _compiled(context, *source) for name, source in sources.items()}
+class Programs:
+    """All programs of a world in a weather, compiled when first needed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Where.
+    world, weather : World, Weather
+        What they leave out.
+    """
+
+    def __init__(self, context: moderngl.Context, world: World, weather: Weather) -> None:
+        self._context = context
+        self._defines = _defines(world, weather)
+        self._mirrors = has_mirror(world, weather)
+        self._fixed = {
+            "sky": _compiled(context, shaders.FULL_SCREEN, shaders.SKY, {}),
+            "far": _compiled(context, shaders.FULL_SCREEN, shaders.FAR_TRUTH, {}),
+            "glow": _compiled(context, shaders.GLOW_VERTEX, shaders.GLOW_FRAGMENT, {}),
+        }
+        for kind in ("opaque", "cutout"):
+            own = _KINDS[kind]
+            self._fixed[f"shadow {kind}"] = _compiled(
+                context, shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT, own
+            )
+            self._fixed[f"truth {kind}"] = _compiled(
+                context, shaders.TRUTH_VERTEX, shaders.TRUTH_FRAGMENT, own
+            )
+        self._surfaces: dict[tuple[str, ...], moderngl.Program] = {}
+
+    def __getitem__(self, name: str) -> moderngl.Program:
+        """A program that draws no surface in colour: ``sky``, ``far``, ``glow``, ``shadow opaque`` and so on."""
+        return self._fixed[name]
+
+    def surface(self, traits: tuple[str, ...], *, is_mirrored: bool) -> moderngl.Program:
+        """The program for surfaces of some `surface_traits`, as seen directly or in the wet road."""
+        key = (*traits, "MIRRORED") if is_mirrored else traits
+        if key not in self._surfaces:
+            own = dict.fromkeys((*key, *(("MIRROR",) if self._mirrors and not is_mirrored else ())), "")
+            self._surfaces[key] = _compiled(
+                self._context, surface_shaders.VERTEX, surface_shaders.FRAGMENT, {**self._defines, **own}
+            )
+        return self._surfaces[key]
+
+
+def surface_traits(material: Material, *, is_stained: bool) -> tuple[str, ...]:
+    """What a program must be able to do for a material, as names that the shader knows.
+
+    >>> surface_traits(Material(image=np.zeros((1, 1, 4), np.uint8), gloss=0.3), is_stained=False)
+    ('GLOSS',)
+    """
+    traits = {
+        **_KINDS[kind_of(material)],
+        **({"GLOSS": ""} if material.gloss > 0.0 else {}),
+        **({"GROUND": ""} if material.is_ground else {}),
+        **({"TWO_SIDED": ""} if material.is_double_sided else {}),
+        **({"STAINED": ""} if is_stained else {}),
+    }
+    return tuple(traits)
 
 
 def _defines(world: World, weather: Weather) -> dict[str, str]:
     w = weather
     defines = {"NIGHT_GLOW": "1.3" if w.is_dark else ("0.12" if w.clouds >= 1.0 else "0.0")}
+    if w.extinction_per_m > 0.0:
+        defines["HAZE"] = ""
     if has_sun(world, w):
         defines["SUN"] = ""
     if (w.is_dark or world.is_indoors) and len(world.lamps):
@@ -95,13 +133,13 @@ def _compiled(
 
 def set_one(program: moderngl.Program, name: str, value: object) -> None:
     """Set a uniform; one that a weather's program does without is passed over."""
-    member = program.get(name, None)
+    member = cast("moderngl.Uniform | None", program.get(name, None))
     if member is None:
         return
     if isinstance(value, np.ndarray):
-        member.write(np.ascontiguousarray(value.T, np.float32).tobytes())  # type: ignore[union-attr]
+        member.write(np.ascontiguousarray(value.T, np.float32).tobytes())
     else:
-        member.value = value  # type: ignore[union-attr]
+        member.value = value
 
 
 def set_all(program: moderngl.Program, values: Mapping[str, object]) -> None:

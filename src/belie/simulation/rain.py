@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +14,8 @@ from belie.simulation.weather import Weather
 _FALL_M_S = 6.5  # terminal speed of a drop of 2 mm (Gunn and Kinzer, 1949)
 _STREAK_S = 0.012
 _NEAR_M, _FAR_M = 0.7, 14.0
+_DROP_M = 0.0016
+_SMALL_PX = 960
 
 
 def add_streaks(
@@ -25,14 +29,17 @@ def add_streaks(
     x, y = rng.uniform(0.0, camera.width, count), rng.uniform(-0.1 * camera.height, camera.height, count)
     length_px = camera.fy * _FALL_M_S * _STREAK_S / z
     lean = rng.normal(0.08, 0.04, count) + 0.25 * (x / camera.width - 0.5)
-    half = 0.5  # streaks are soft: drawn at half the resolution
-    veil = np.zeros((-(-image.shape[0] // 2), -(-image.shape[1] // 2)), np.uint8)
+    # Streaks are soft: in large images they are drawn at half the resolution.
+    share = 1.0 if camera.width < _SMALL_PX else 0.5
+    veil = np.zeros([math.ceil(side * share) for side in image.shape[:2]], np.uint8)
     bright = (26.0 if weather.is_dark else 44.0) * np.clip(3.0 / z, 0.35, 1.0)
-    width_px = np.maximum(1, np.round(camera.fy * 0.0016 / z)).astype(np.int64)
+    true_px = camera.fy * _DROP_M / z * share
+    width_px = np.maximum(1, np.round(true_px)).astype(np.int64)
+    bright *= np.clip(true_px, 0.45, 1.0)  # what is narrower than a pixel fills it in part
     for k in range(count):
         place = np.array([x[k], y[k]])
         ends = np.stack([place, place + length_px[k] * np.array([lean[k], 1.0])])
-        start, end = (ends * half * 16.0).round().astype(int).tolist()  # OpenCV's fixed point: shift 4
+        start, end = (ends * share * 16.0).round().astype(int).tolist()  # OpenCV's fixed point: shift 4
         cv2.line(veil, start, end, float(bright[k]), int(width_px[k]), cv2.LINE_AA, 4)
     veil = cv2.resize(veil, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.add(image, cv2.merge([veil, veil, veil])))

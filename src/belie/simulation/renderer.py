@@ -13,7 +13,7 @@ from belie.simulation.colour_pass import ColourPass
 from belie.simulation.gpu import open_context
 from belie.simulation.imaging import Imaging, ImagingSettings
 from belie.simulation.placed import placed_actors
-from belie.simulation.programs import compile_programs
+from belie.simulation.programs import Programs
 from belie.simulation.projection import ideal_camera, sight_m
 from belie.simulation.rendered import Rendered
 from belie.simulation.stock import Stock
@@ -60,7 +60,7 @@ class Renderer:
         self._pinhole = ideal_camera(camera)
         self._context = open_context()
         try:
-            programs = compile_programs(self._context, world, weather)
+            programs = Programs(self._context, world, weather)
             stock = Stock(self._context, world, sight_m(weather))
             self._colour = ColourPass(self._context, programs, stock, world, self._pinhole, weather)
             self._truth = TruthPass(self._context, programs, stock, world, self._pinhole)

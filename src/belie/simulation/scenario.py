@@ -59,8 +59,8 @@ class Scenario(Settings):
     scene: SceneName = Field("street", description="the world: street, corridor, flight or patch")
     manoeuvre: str = Field(
         "straight",
-        description="how the robot moves: straight, curve, lane-change, stop-and-go or highway on a street; others "
-        "have their own",
+        description="how the robot moves: straight, curve, lane-change, stop-and-go, narrow or highway on a "
+        "street; others have their own",
     )
     weather: WeatherName = Field("sunny", description="light, rain and fog")
     seed: int = Field(1, description="of the world and of every error: the same seed, the same bytes", ge=0)

@@ -39,7 +39,7 @@ class SensorNoise:
         # Luminance and colour: demosaicing correlates the channels.
         grey = rng.standard_normal((rows, columns, 1), dtype=np.float32)
         colour = rng.standard_normal((rows, columns, 3), dtype=np.float32)
-        self._pool = np.clip((0.85 * grey + 0.53 * colour) * 24.0, -127, 127).astype(np.int8)
+        self._pool = np.clip(0.85 * grey + 0.53 * colour, -5.0, 5.0)
 
     def add(self, image: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
         """The image, shape (H, W, 3), with noise."""
@@ -50,8 +50,5 @@ class SensorNoise:
         if rng.random() < 0.5:
             grain = grain[:, ::-1]
         sign = 1.0 if rng.random() < 0.5 else -1.0
-        noisy = image.astype(np.float32)
-        cv2.accumulate(
-            np.ascontiguousarray(grain).astype(np.float32) * np.float32(sign * self._sigma / 24.0), noisy
-        )
+        noisy = cv2.scaleAdd(np.ascontiguousarray(grain), sign * self._sigma, image.astype(np.float32))
         return np.asarray(cv2.convertScaleAbs(np.maximum(noisy, 0.0, out=noisy)))

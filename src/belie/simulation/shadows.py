@@ -8,7 +8,7 @@ import numpy as np
 
 from belie.geometry import SE3, FloatArray
 from belie.simulation.placed import Placed
-from belie.simulation.programs import UNITS, set_all, set_one
+from belie.simulation.programs import UNITS, Programs, set_all, set_one
 from belie.simulation.projection import sun_projection
 from belie.simulation.stock import Stock
 
@@ -52,9 +52,7 @@ class ShadowMaps:
         for name, (texture, _) in self._maps.items():
             texture.use(UNITS[name])
 
-    def cast(
-        self, programs: dict[str, moderngl.Program], stock: Stock, placed: list[Placed], T_world_cam: SE3
-    ) -> None:
+    def cast(self, programs: Programs, stock: Stock, placed: list[Placed], T_world_cam: SE3) -> None:
         """Draw both maps for a place of the camera."""
         if self._towards_sun is None:
             return
@@ -69,12 +67,12 @@ class ShadowMaps:
     def _may_cast(self, body: Placed, ahead: FloatArray) -> bool:
         return float(np.linalg.norm(body.centre - ahead)) < 1.4 * self._reach_m
 
-    def _still(self, programs: dict[str, moderngl.Program], stock: Stock) -> None:
+    def _still(self, programs: Programs, stock: Stock) -> None:
         for kind, program in self._begin("still_shadow", programs):
             for mesh in stock.still(kind):
                 stock.draw(mesh, program, None)
 
-    def _moving(self, programs: dict[str, moderngl.Program], stock: Stock, bodies: list[Placed]) -> None:
+    def _moving(self, programs: Programs, stock: Stock, bodies: list[Placed]) -> None:
         for kind, program in self._begin("moving_shadow", programs):
             for body in bodies:
                 for part, model, _ in body.parts:
@@ -82,7 +80,7 @@ class ShadowMaps:
                     for mesh in stock.of_part(part, kind):
                         stock.draw(mesh, program, None)
 
-    def _begin(self, name: str, programs: dict[str, moderngl.Program]) -> list[tuple[str, moderngl.Program]]:
+    def _begin(self, name: str, programs: Programs) -> list[tuple[str, moderngl.Program]]:
         target = self._maps[name][1]
         target.use()
         target.clear(depth=1.0)

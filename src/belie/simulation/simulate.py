@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -122,11 +122,20 @@ class SimulatedRecording:
         ValueError
             If `steps` was not read to its end.
         """
-        if not self._claims:
-            raise ValueError("read the steps to their end first")
-        return Replay(
-            cameras=self.cameras, stamps_ns=tuple(self.frame_stamps_ns().tolist()), claims=tuple(self._claims)
-        )
+        return Replay.of(self, self._claims)
+
+
+class Driven(Protocol):
+    """What a replay asks of a drive."""
+
+    @property
+    def cameras(self) -> Mapping[str, MountedCamera]:
+        """The cameras by name."""
+        ...
+
+    def frame_stamps_ns(self) -> npt.NDArray[np.int64]:
+        """Header stamps of all frames, shape (N,)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,6 +146,21 @@ class Replay:
     stamps_ns: tuple[int, ...]
     claims: tuple[tuple[Claim, ...], ...]
     body_axes: Literal["flu"] = "flu"
+
+    @classmethod
+    def of(cls, drive: Driven, claims: Sequence[tuple[Claim, ...]]) -> Replay:
+        """The claims of a drive's frames, as they were read.
+
+        Raises
+        ------
+        ValueError
+            If nothing was read.
+        """
+        if not claims:
+            raise ValueError("read the steps to their end first")
+        return cls(
+            cameras=drive.cameras, stamps_ns=tuple(drive.frame_stamps_ns().tolist()), claims=tuple(claims)
+        )
 
     def frame_stamps_ns(self) -> npt.NDArray[np.int64]:
         """Header stamps of all frames, shape (N,)."""

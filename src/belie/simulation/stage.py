@@ -14,7 +14,7 @@ from belie.types import ConfigError, DetectionClaim, Frame, MountedCamera
 
 if TYPE_CHECKING:
     from belie.simulation.labels import ObjectLabel
-    from belie.simulation.renderer import Rendered, Renderer
+    from belie.simulation.rendered import Rendered
     from belie.simulation.scenario import Scenario
     from belie.simulation.weather import Weather
     from belie.simulation.world import World
@@ -54,6 +54,14 @@ class View:
     detections: DetectionClaim | None
 
 
+class Picturer(Protocol):
+    """Shows the world at a moment; `belie.simulation.renderer.Renderer` is one."""
+
+    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+        """The picture at `t_s`, from where the robot is."""
+        ...
+
+
 class Labeller(Protocol):
     """Finds the true objects in a picture; `belie.simulation.labels.object_labels` is one."""
 
@@ -68,7 +76,7 @@ class Stage:
     """An open world; made by `open_stage`."""
 
     def __init__(
-        self, scenario: Scenario, world: World, renderer: Renderer, *, weather: Weather, labels: Labeller
+        self, scenario: Scenario, world: World, renderer: Picturer, *, weather: Weather, labels: Labeller
     ) -> None:
         self.scenario, self.world, self._labels = scenario, world, labels
         self.mounted = MountedCamera(model=scenario.camera_model(), T_body_cam=world.T_body_cam)

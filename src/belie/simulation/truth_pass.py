@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel, FloatArray, skew
 from belie.simulation.placed import Placed
-from belie.simulation.programs import set_all, set_one
+from belie.simulation.programs import Programs, set_all, set_one
 from belie.simulation.projection import FAR_M, frustum_planes, picture_rays, projection_matrix
 from belie.simulation.stock import Stock
 from belie.simulation.world import World
@@ -27,7 +27,7 @@ class TruthPass:
     def __init__(
         self,
         context: moderngl.Context,
-        programs: dict[str, moderngl.Program],
+        programs: Programs,
         stock: Stock,
         world: World,
         camera: CameraModel,

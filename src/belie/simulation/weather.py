@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 _CONTRAST_AT_VISIBILITY = (
     0.05  # Koschmieder's threshold, as the WMO takes it for meteorological optical range
@@ -74,29 +75,31 @@ class Weather:
         return -math.log(_CONTRAST_AT_VISIBILITY) / self.visibility_m if self.visibility_m else 0.0
 
 
-def _weather(name: str, **changes: object) -> Weather:
-    clear: dict[str, object] = {
-        "visibility_m": None,
-        "is_dark": False,
-        "sun_elevation_deg": 48.0,
-        "sun_azimuth_deg": 62.0,
-        "sun": (1.0, 0.94, 0.84),
-        "sky": (0.40, 0.47, 0.58),
-        "bounce": (0.17, 0.15, 0.13),
-        "fog": (0.62, 0.72, 0.84),
-        "clouds": 0.35,
-        "wetness": 0.0,
-        "rain_mm_h": 0.0,
-        "glare": 0.0,
-        "exposure": 1.25,
-        "exposure_ms": 1.0,
-        "noise": 1.2,
-    }
-    return Weather(name=name, **{**clear, **changes})  # type: ignore[arg-type]
-
-
-_OVERCAST = {"sun": (0.0, 0.0, 0.0), "sky": (0.62, 0.65, 0.7), "bounce": (0.25, 0.25, 0.25), "clouds": 1.0}
-_NIGHT = {
+_SUNNY = Weather(
+    name="sunny",
+    visibility_m=None,
+    is_dark=False,
+    sun_elevation_deg=48.0,
+    sun_azimuth_deg=62.0,
+    sun=(1.0, 0.94, 0.84),
+    sky=(0.40, 0.47, 0.58),
+    bounce=(0.17, 0.15, 0.13),
+    fog=(0.62, 0.72, 0.84),
+    clouds=0.35,
+    wetness=0.0,
+    rain_mm_h=0.0,
+    glare=0.0,
+    exposure=1.25,
+    exposure_ms=1.0,
+    noise=1.2,
+)
+_OVERCAST: dict[str, Any] = {
+    "sun": (0.0, 0.0, 0.0),
+    "sky": (0.62, 0.65, 0.7),
+    "bounce": (0.25, 0.25, 0.25),
+    "clouds": 1.0,
+}
+_NIGHT: dict[str, Any] = {
     "is_dark": True,
     "sun": (0.0, 0.0, 0.0),
     "sky": (0.026, 0.030, 0.046),
@@ -112,9 +115,10 @@ WEATHERS: Mapping[str, Weather] = MappingProxyType(
     {
         weather.name: weather
         for weather in (
-            _weather("sunny"),
-            _weather(
-                "light-rain",
+            _SUNNY,
+            replace(
+                _SUNNY,
+                name="light-rain",
                 **{
                     **_OVERCAST,
                     "visibility_m": 900.0,
@@ -125,22 +129,29 @@ WEATHERS: Mapping[str, Weather] = MappingProxyType(
                 exposure_ms=3.0,
                 noise=1.8,
             ),
-            _weather("night", **_NIGHT),
-            _weather("rainy-night", **{**_NIGHT, "visibility_m": 500.0, "wetness": 1.0, "rain_mm_h": 9.0}),
-            _weather(
-                "light-fog",
+            replace(_SUNNY, name="night", **_NIGHT),
+            replace(
+                _SUNNY,
+                name="rainy-night",
+                **{**_NIGHT, "visibility_m": 500.0, "wetness": 1.0, "rain_mm_h": 9.0},
+            ),
+            replace(
+                _SUNNY,
+                name="light-fog",
                 **{**_OVERCAST, "visibility_m": 150.0, "fog": (0.46, 0.475, 0.50)},
                 exposure_ms=3.0,
                 noise=1.6,
             ),
-            _weather(
-                "heavy-fog",
+            replace(
+                _SUNNY,
+                name="heavy-fog",
                 **{**_OVERCAST, "visibility_m": 45.0, "fog": (0.43, 0.44, 0.455)},
                 exposure_ms=4.0,
                 noise=1.8,
             ),
-            _weather(
-                "low-sun",
+            replace(
+                _SUNNY,
+                name="low-sun",
                 sun_elevation_deg=9.0,
                 sun_azimuth_deg=7.0,
                 sun=(1.25, 0.78, 0.42),

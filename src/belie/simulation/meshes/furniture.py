@@ -78,8 +78,8 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
         "green": (3.12, (0.10, 0.90, 0.45)),
     }
     for z, colour in colours.values():
-        dark: Colour = tuple(0.16 * c + 0.02 for c in colour)  # type: ignore[assignment]
-        builder.disc(materials.metal(), (0.155, 0.0, z), (1.0, 0.0, 0.0), 0.11, dark)
+        red, green, blue = (0.16 * c + 0.02 for c in colour)
+        builder.disc(materials.metal(), (0.155, 0.0, z), (1.0, 0.0, 0.0), 0.11, (red, green, blue))
         builder.box(materials.metal(), (0.21, 0.0, z + 0.125), (0.13, 0.26, 0.015), _DARK)
     parts = [Part(meshes=builder.meshes())]
     for name, (z, colour) in colours.items():

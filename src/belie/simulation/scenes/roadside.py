@@ -9,7 +9,8 @@ import numpy as np
 from belie.geometry import SE3
 from belie.simulation import materials
 from belie.simulation.meshes.builder import Builder
-from belie.simulation.meshes.buildings import facade_style, house
+from belie.simulation.meshes.buildings import house
+from belie.simulation.meshes.facades import facade_style
 from belie.simulation.meshes.furniture import bench, bin_, bollard, street_lamp
 from belie.simulation.meshes.plants import bush, tree
 from belie.simulation.motion import Path

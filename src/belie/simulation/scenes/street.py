@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,10 +22,38 @@ from belie.simulation.scenes.common import (
 from belie.simulation.scenes.road import crossing, line, strip, wear
 from belie.simulation.world import Lane, World
 
-MANOEUVRES = ("straight", "curve", "lane-change", "stop-and-go", "highway")
-_LANE_M, _PARKING_M = 3.5, 2.3
+MANOEUVRES = ("straight", "curve", "lane-change", "stop-and-go", "narrow", "highway")
 _BEHIND_M = 30.0  # of street behind the start
 _CAMERA = mount(1.75, 0.0, 1.45, pitch_down_deg=1.5)
+
+
+_HALF_PARKED = traffic.Parking()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Section:
+    """A street across: lanes in each direction, and what is parked along the kerbs."""
+
+    lanes: int = 1
+    lane_m: float = 3.5
+    parking_m: float = 2.3
+    parked: traffic.Parking = _HALF_PARKED
+
+    @property
+    def road_half_m(self) -> float:
+        """From the middle to the kerb."""
+        return self.lanes * self.lane_m + self.parking_m
+
+
+_SECTIONS = {
+    "lane-change": _Section(lanes=2),
+    # A residential street with 30 km/h: 5.5 m for both directions between two full rows of parked cars.
+    "narrow": _Section(
+        lane_m=2.75,
+        parking_m=2.1,
+        parked=traffic.Parking(kinds=("car", "van"), shares=(0.85, 0.15), taken=0.96, gaps_m=(0.7, 1.5)),
+    ),
+}
 
 
 def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -> World:
@@ -47,22 +76,21 @@ def build(*, seed: int, manoeuvre: str = "straight", duration_s: float = 20.0) -
     speed = _speed(manoeuvre)
     length = _BEHIND_M + max(40.0, speed.start_m_s * duration_s) + 160.0
     path = _course(manoeuvre, length)
-    lanes = 2 if manoeuvre == "lane-change" else 1
-    road_half = lanes * _LANE_M + _PARKING_M
+    section = _SECTIONS.get(manoeuvre, _Section())
+    road_half = section.road_half_m
     builder, lights = Builder(), roadside.Lights()
-    _road(builder, path, lanes, road_half, seed)
+    _road(builder, path, section, seed)
     _sides(builder, lights, path, road_half, seed)
-    first_lane = -(lanes - 0.5) * _LANE_M
-    lane = offset_path(path, first_lane)
+    lane = offset_path(path, -(section.lanes - 0.5) * section.lane_m)
     shift = _lane_change if manoeuvre == "lane-change" else None
     drive = Drive(path=lane, speed=speed, start_m=_BEHIND_M, shift=shift)
-    cast = _cast(path, lane, manoeuvre, speed, lanes, road_half, seed)
+    cast = _cast(path, lane, manoeuvre, speed, section, seed)
     return World(
         static=builder.meshes(),
         actors=tuple(cast.actors),
         ego=Unrest(drive, seed=seed),
         T_body_cam=_CAMERA,
-        lane=Lane(centre_m=centre_line(lane), half_width_m=0.5 * _LANE_M, speed_m_s=speed.start_m_s),
+        lane=Lane(centre_m=centre_line(lane), half_width_m=0.5 * section.lane_m, speed_m_s=speed.start_m_s),
         glows=tuple(lights.glows),
         lamps=np.array(lights.lamps),
     )
@@ -75,6 +103,8 @@ def _speed(manoeuvre: str) -> SpeedProfile:
             Ramp(start_s=9.5, duration_s=5.0, change_m_s=8.0),
         )
         return SpeedProfile(start_m_s=9.0, ramps=stops)
+    if manoeuvre == "narrow":
+        return SpeedProfile(start_m_s=8.5)
     gentle = (
         Ramp(start_s=3.0, duration_s=3.0, change_m_s=1.2),
         Ramp(start_s=8.0, duration_s=4.0, change_m_s=-1.6),
@@ -102,20 +132,21 @@ def _course(manoeuvre: str, length_m: float) -> Path:
 
 def _lane_change(t_s: float) -> float:
     """To the left lane and back."""
-    return _LANE_M * (smooth_step((t_s - 2.0) / 4.0) - smooth_step((t_s - 9.0) / 4.0))
+    return _SECTIONS["lane-change"].lane_m * (smooth_step((t_s - 2.0) / 4.0) - smooth_step((t_s - 9.0) / 4.0))
 
 
-def _road(builder: Builder, path: Path, lanes: int, road_half: float, seed: int) -> None:
+def _road(builder: Builder, path: Path, section: _Section, seed: int) -> None:
     rng = np.random.default_rng([seed, 101])
     span = (0.0, path.length_m + 12.0)
-    h, lane_edge = road_half, lanes * _LANE_M
+    road_half, lane_m = section.road_half_m, section.lane_m
+    h, lane_edge = road_half, section.lanes * lane_m
     profile = [(-h, 0.0), (-h + 0.6, 0.0), (0.0, 0.0), (h - 0.6, 0.0), (h, 0.0)]
     strip(builder, materials.asphalt(), path, span, profile, 6.0, sky=(0.72, 1.0, 1.0, 1.0, 0.72))
     line(builder, path, span, 0.0, 0.14, dash_m=(3.0, 5.0))
     for side in (-1.0, 1.0):
         line(builder, path, span, side * lane_edge, 0.12)
-        for k in range(1, lanes):
-            line(builder, path, span, side * k * _LANE_M, 0.12, dash_m=(3.0, 6.0))
+        for k in range(1, section.lanes):
+            line(builder, path, span, side * k * lane_m, 0.12, dash_m=(3.0, 6.0))
     wear(builder, path, span, road_half, rng)
     crossing(builder, path, _BEHIND_M + 71.0, road_half)
     corners = [
@@ -142,18 +173,20 @@ def _sides(builder: Builder, lights: roadside.Lights, path: Path, road_half: flo
 
 
 def _cast(
-    path: Path, lane: Path, manoeuvre: str, speed: SpeedProfile, lanes: int, road_half: float, seed: int
+    path: Path, lane: Path, manoeuvre: str, speed: SpeedProfile, section: _Section, seed: int
 ) -> traffic.Cast:
+    road_half = section.road_half_m
     cast = traffic.Cast()
     rng = np.random.default_rng([seed, 110])
     span = (4.0, path.length_m)
     first_gap = 19.0 + float(rng.uniform(0.0, 8.0))
     kinds = tuple(rng.permutation(["car", "van", "car", "bus", "truck"]).tolist())
     traffic.ahead(cast, lane, (_BEHIND_M + first_gap, _BEHIND_M + first_gap + 26.0), speed, rng, kinds=kinds)
-    traffic.oncoming(cast, path, 0.5 * _LANE_M, 9.0, 48.0, np.random.default_rng([seed, 111]))
+    traffic.oncoming(cast, path, 0.5 * section.lane_m, 9.0, 48.0, np.random.default_rng([seed, 111]))
     for k, side in enumerate((-1.0, 1.0)):
         parked = np.random.default_rng([seed, 112, k])
-        traffic.parked_row(cast, path, span, side * (road_half - 0.5 * _PARKING_M), parked)
+        left_m = side * (road_half - 0.5 * section.parking_m)
+        traffic.parked_row(cast, path, span, left_m, parked, section.parked)
     traffic.walkers(cast, path, span, road_half + 2.2, np.random.default_rng([seed, 114]))
     _signs(cast, path, road_half, manoeuvre, np.random.default_rng([seed, 115]))
     return cast
@@ -171,8 +204,8 @@ def _signs(
         way += float(rng.uniform(30.0, 52.0))
         k += 1
     light_way = _BEHIND_M + (66.0 if manoeuvre == "stop-and-go" else 84.0)
-    cycle = (("red", (-1.0, 9.0)), ("amber", (9.0, 10.0)), ("green", (10.0, 1e9)))
-    if manoeuvre != "stop-and-go":
-        cycle = (("green", (-1.0, 1e9)),)  # type: ignore[assignment]
+    cycle: tuple[tuple[str, tuple[float, float]], ...] = (("green", (-1.0, 1e9)),)
+    if manoeuvre == "stop-and-go":
+        cycle = (("red", (-1.0, 9.0)), ("amber", (9.0, 10.0)), ("green", (10.0, 1e9)))
     for left in (-road_half - 0.7, road_half + 0.7):
         cast.traffic_light(beside(path, light_way, left, roadside.KERB_UP_M, math.pi), cycle)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from belie.geometry import SE3
@@ -12,14 +14,24 @@ from belie.simulation.meshes.furniture import (
     traffic_light_parts,
 )
 from belie.simulation.meshes.people import HEIGHT_M, person_parts
-from belie.simulation.meshes.vehicles import BODIES, PAINTS, brake_lamps, vehicle_glows, vehicle_parts
+from belie.simulation.meshes.vehicle_bodies import BODIES, PAINTS
+from belie.simulation.meshes.vehicles import brake_lamps, vehicle_glows, vehicle_parts
 from belie.simulation.motion import Drive, Motion, Parked, Path, SpeedProfile
 from belie.simulation.scenes.common import beside
 from belie.simulation.scenes.roadside import KERB_UP_M
 from belie.simulation.world import Actor
 
-_PARKED_KINDS, _PARKED_SHARES = ("car", "van", "truck"), (0.80, 0.16, 0.04)
 _MOVING_KINDS, _MOVING_SHARES = ("car", "van", "truck", "bus"), (0.62, 0.16, 0.12, 0.10)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parking:
+    """A row of parked vehicles: classes and their shares, the share of places taken, and the gaps between places."""
+
+    kinds: tuple[str, ...] = ("car", "van", "truck")
+    shares: tuple[float, ...] = (0.80, 0.16, 0.04)
+    taken: float = 0.62
+    gaps_m: tuple[float, float] = (0.9, 3.4)
 
 
 class Cast:
@@ -49,36 +61,54 @@ class Cast:
         if brakes_s:
             parts = (*parts, brake_lamps(kind, brakes_s))
         glows = vehicle_glows(kind) if lights else ()
-        self._add(label=kind, dimensions_m=BODIES[kind].dimensions_m, motion=motion, parts=parts, glows=glows)
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label=kind,
+                dimensions_m=BODIES[kind].dimensions_m,
+                motion=motion,
+                parts=parts,
+                glows=glows,
+            )
+        )
 
     def person(self, motion: Motion, rng: np.random.Generator) -> None:
         """Add a person."""
         parts = person_parts(int(rng.integers(24)))
-        self._add(label="pedestrian", dimensions_m=(0.62, 0.58, HEIGHT_M + 0.03), motion=motion, parts=parts)
+        dimensions_m = (0.62, 0.58, HEIGHT_M + 0.03)
+        self.actors.append(
+            Actor(id=self._next_id, label="pedestrian", dimensions_m=dimensions_m, motion=motion, parts=parts)
+        )
 
     def sign(self, kind: str, T: SE3, *, patched: bool = False) -> None:
         """Add a traffic sign that faces x of its frame: ``stop`` or a speed limit."""
         is_stop = kind == "stop"
-        self._add(
-            label="stop sign" if is_stop else "speed sign",
-            dimensions_m=SIGN_DIMENSIONS_M["stop" if is_stop else "speed"],
-            motion=Parked(T=T),
-            parts=sign_parts(kind, patched=patched),
-            is_patched=patched,
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label="stop sign" if is_stop else "speed sign",
+                dimensions_m=SIGN_DIMENSIONS_M["stop" if is_stop else "speed"],
+                motion=Parked(T=T),
+                parts=sign_parts(kind, patched=patched),
+                is_patched=patched,
+            )
         )
 
     def traffic_light(self, T: SE3, cycle: tuple[tuple[str, tuple[float, float]], ...]) -> None:
         """Add a traffic light that faces x of its frame."""
-        parts = traffic_light_parts(cycle)
-        self._add(
-            label="traffic light",
-            dimensions_m=LIGHT_DIMENSIONS_M,
-            motion=Parked(T=T),
-            parts=parts,
+        self.actors.append(
+            Actor(
+                id=self._next_id,
+                label="traffic light",
+                dimensions_m=LIGHT_DIMENSIONS_M,
+                motion=Parked(T=T),
+                parts=traffic_light_parts(cycle),
+            )
         )
 
-    def _add(self, **values: object) -> None:
-        self.actors.append(Actor(id=len(self.actors) + 1, **values))  # type: ignore[arg-type]
+    @property
+    def _next_id(self) -> int:
+        return len(self.actors) + 1
 
 
 def parked_row(
@@ -87,19 +117,19 @@ def parked_row(
     span_m: tuple[float, float],
     left_m: float,
     rng: np.random.Generator,
-    *,
-    share: float = 0.62,
+    parking: Parking | None = None,
 ) -> None:
     """Vehicles parked along a kerb; on the left they face the other way."""
+    parking = parking or Parking()
     way = span_m[0]
     while way < span_m[1]:
-        kind = str(rng.choice(_PARKED_KINDS, p=_PARKED_SHARES))
+        kind = str(rng.choice(parking.kinds, p=parking.shares))
         length = BODIES[kind].length_m
-        if rng.random() < share:
+        if rng.random() < parking.taken:
             turn = float(rng.normal(0.0, 0.012)) + (np.pi if left_m > 0 else 0.0)
             T = beside(path, way + 0.5 * length, left_m + float(rng.normal(0.0, 0.06)), 0.0, turn)
             cast.vehicle(kind, Parked(T=T), rng, lights=False)
-        way += length + float(rng.uniform(0.9, 3.4))
+        way += length + float(rng.uniform(*parking.gaps_m))
 
 
 def oncoming(

@@ -5,20 +5,18 @@ known beforehand and one that is steered as it goes are sampled alike.
 """
 
 from belie.simulation.sensors.detector_settings import ObjectDetectorSettings
-from belie.simulation.sensors.gnss import Gnss, GnssSettings
+from belie.simulation.sensors.gnss import GnssSettings, gnss
 from belie.simulation.sensors.imu import Imu, ImuSettings
-from belie.simulation.sensors.localisation import Localisation, LocalisationSettings
+from belie.simulation.sensors.localisation import LocalisationSettings, localisation
 from belie.simulation.sensors.object_detector import ObjectDetector
 from belie.simulation.sensors.sampling import Arrival, Motion, Sampling
 from belie.simulation.sensors.wheel_odometry import WheelOdometry, WheelOdometrySettings
 
 __all__ = [
     "Arrival",
-    "Gnss",
     "GnssSettings",
     "Imu",
     "ImuSettings",
-    "Localisation",
     "LocalisationSettings",
     "Motion",
     "ObjectDetector",
@@ -26,4 +24,6 @@ __all__ = [
     "Sampling",
     "WheelOdometry",
     "WheelOdometrySettings",
+    "gnss",
+    "localisation",
 ]

@@ -26,54 +26,53 @@ class ObjectDetectorSettings(Settings):
     )
     miss: float = Field(
         0.02,
-        description="share of messages that miss a near object in full view; recall of strong detectors on easy "
-        "objects (KITTI: 40 px and more, unoccluded) is 97 to 99 % [1]",
+        description="share of messages that miss a near object in full view; typical of a strong detector on "
+        "KITTI's easy objects (40 px and more, unoccluded) [1]",
         ge=0.0,
         le=1.0,
     )
     night_miss: float = Field(
         0.08,
-        description="the same in the dark; detectors trained by day lose several per cent [1]",
+        description="the same in the dark; typical [1]",
         ge=0.0,
         le=1.0,
     )
     half_seen_px: float = Field(
         16.0,
-        description="height at which half of the objects are missed; KITTI asks for none below 25 px [px]",
+        description="height at which half of the objects are missed; KITTI judges none below 25 px [px]",
         gt=0.0,
     )
     half_seen_width_px: float = Field(3.0, description="how gradually that sets in (logistic) [px]", gt=0.0)
     half_seen_contrast: float = Field(
         0.1,
         description="contrast left by fog at which half are missed; at the meteorological visibility it is 0.05 "
-        "(Koschmieder; WMO No. 8, part I, 9) [1]",
+        "(Koschmieder's law) [1]",
         gt=0.0,
         le=1.0,
     )
     half_seen_visible: float = Field(
         0.25,
-        description="unoccluded share at which half are missed; KITTI's 'largely occluded' starts there [1]",
+        description="unoccluded share at which half are missed; typical [1]",
         gt=0.0,
         le=1.0,
     )
     vehicle_miss_frames: float = Field(
         4.1,
-        description="mean length of a gap: misses come in runs; fitted on a real detector by Jha et al., ML-driven "
-        "malware that targets AV safety, DSN 2020, VI-D [messages]",
+        description="mean length of a gap: misses come in runs (Jha et al., ML-driven malware that targets AV "
+        "safety, DSN 2020, models them so; the length is typical) [messages]",
         ge=1.0,
     )
-    person_miss_frames: float = Field(2.4, description="the same for people (same source) [messages]", ge=1.0)
+    person_miss_frames: float = Field(2.4, description="the same for people; typical [messages]", ge=1.0)
     confusion: float = Field(
         0.02,
         description="share of messages with the label of a similar class (car and van, truck and bus), in runs as "
-        "long as those of misses [1]",
+        "long as those of misses; typical [1]",
         ge=0.0,
         le=1.0,
     )
     false_positives: float = Field(
         0.03,
-        description="objects that are not there, beginning per message; KITTI's best have precisions of 95 % and "
-        "more at some objects an image [1]",
+        description="objects that are not there, beginning per message; typical [1]",
         ge=0.0,
         le=10.0,
     )
@@ -81,14 +80,14 @@ class ObjectDetectorSettings(Settings):
     box_jitter: float = Field(
         0.02,
         description="error of each edge, standard deviation relative to the box's side: mean overlaps with the truth "
-        "of 0.9 and more, as strong detectors have on KITTI [1]",
+        "of 0.9 and more; typical [1]",
         ge=0.0,
     )
     box_jitter_floor_px: float = Field(0.7, description="the same, at least [px]", ge=0.0)
     vehicle_position_m: float = Field(
         0.135,
         description="error of a car's position, standard deviation each axis; 0.169 m mean distance on nuScenes "
-        "(TransFusion-L, its issue 88), divided by 1.25 [m]",
+        "(TransFusion, validation set, its issue 88), divided by 1.25 [m]",
         ge=0.0,
     )
     large_position_m: float = Field(
@@ -112,8 +111,8 @@ class ObjectDetectorSettings(Settings):
     patch_label: str = Field("bird", description="the label it gets, where it is relabelled")
     patch_rate: float = Field(
         0.9,
-        description="share of messages in which the patch works while it is in view; printed patches reach 80 to "
-        "100 % close by (Zhao et al., Seeing isn't Believing, CCS 2019) [1]",
+        description="share of messages in which the patch works while it is in view; typical of printed "
+        "patches close by [1]",
         ge=0.0,
         le=1.0,
     )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from belie.simulation.sensors.sampling import Arrival, GaussMarkov, Motion, Sampling, generator
-from belie.types import Claim, PositionClaim, Settings
+from belie.simulation.sensors.position import PositionSensor
+from belie.simulation.sensors.sampling import Arrival, Sampling
+from belie.types import Settings
 
 
 class GnssSettings(Settings):
@@ -49,7 +50,7 @@ class GnssSettings(Settings):
     arrival: Arrival = Arrival(delay_ms=45.0, jitter_ms=10.0)
 
 
-class Gnss:
+def gnss(settings: GnssSettings, *, start_ns: int, seed: int, source: str = "/gnss/fix") -> PositionSensor:
     """Fixes of an antenna on the body, ENU about the world's origin.
 
     Examples
@@ -59,38 +60,19 @@ class Gnss:
     ...     def T_world_body(self, t_s): return SE3.from_translation([3.0, 4.0, 0.0])
     ...     def twist(self, t_s): return np.zeros(3), np.zeros(3)
     >>> exact = GnssSettings(horizontal_m=0, vertical_m=0, white_m=0)
-    >>> Gnss(exact, start_ns=0, seed=1).claims_until(Standing(), 0.0)[0].position_m
+    >>> gnss(exact, start_ns=0, seed=1).claims_until(Standing(), 0.0)[0].position_m
     array([2.6, 4. , 1.5])
     """
-
-    def __init__(
-        self, settings: GnssSettings, *, start_ns: int, seed: int, source: str = "/gnss/fix"
-    ) -> None:
-        s = self._settings = settings
-        self._source = source
-        self._sampling = Sampling(rate_hz=s.rate_hz, start_ns=start_ns)
-        self._rng = generator(seed, source)
-        sigma = np.array([s.horizontal_m, s.horizontal_m, s.vertical_m])
-        self._wander = GaussMarkov(sigma, s.correlation_s, self._rng)
-        variance = sigma**2 + s.white_m**2
-        self._covariance = np.diag(variance) if variance.min() > 0.0 else None
-
-    def claims_until(self, motion: Motion, stop_s: float) -> list[Claim]:
-        """The fixes up to `stop_s` that were not handed out before."""
-        return [self._fix(motion, t_s) for t_s in self._sampling.until(stop_s)]
-
-    def _fix(self, motion: Motion, t_s: float) -> PositionClaim:
-        s, lever_m = self._settings, np.array(self._settings.antenna_m)
-        T_world_body = motion.T_world_body(t_s)
-        stamp_ns = self._sampling.stamp_ns(t_s)
-        error = self._wander.at(t_s) + s.white_m * self._rng.normal(size=3)
-        return PositionClaim(
-            source=self._source,
-            frame_id="enu",
-            kind="gnss",
-            stamp_ns=stamp_ns,
-            received_ns=s.arrival.received_ns(stamp_ns, self._rng),
-            position_m=T_world_body.t + T_world_body.R @ lever_m + error,
-            covariance=self._covariance,
-            lever_m=lever_m,
-        )
+    s = settings
+    return PositionSensor(
+        source=source,
+        frame_id="enu",
+        kind="gnss",
+        sampling=Sampling(rate_hz=s.rate_hz, start_ns=start_ns),
+        seed=seed,
+        wander_m=np.array([s.horizontal_m, s.horizontal_m, s.vertical_m]),
+        correlation_s=s.correlation_s,
+        white_m=s.white_m,
+        arrival=s.arrival,
+        lever_m=np.array(s.antenna_m),
+    )

@@ -23,7 +23,7 @@ class ImuSettings(Settings):
 
     rate_hz: float = Field(200.0, description="measurements; 0 leaves the sensor out [Hz]", ge=0.0, le=1000.0)
     gyro_noise_deg_s_rt_hz: float = Field(
-        0.014, description="noise density of the angular rate; BMI055 data sheet [deg/s per sqrt(Hz)]", ge=0.0
+        0.014, description="noise density of the angular rate; BMI055 [deg/s per sqrt(Hz)]", ge=0.0
     )
     gyro_walk_deg_s2_rt_hz: float = Field(
         0.0011,
@@ -33,17 +33,18 @@ class ImuSettings(Settings):
     )
     gyro_bias_deg_s: float = Field(
         0.33,
-        description="bias at the start, standard deviation; the data sheet's 1 deg/s taken as three of them [deg/s]",
+        description="bias at the start, standard deviation; BMI055's typical offset of 1 deg/s taken as three of them "
+        "[deg/s]",
         ge=0.0,
     )
     gyro_scale: float = Field(
         0.0033,
-        description="error of its scale, standard deviation; the data sheet's 1 % taken as three of them [1]",
+        description="error of its scale, standard deviation; typical of such sensors [1]",
         ge=0.0,
     )
     accelerometer_noise_m_s2_rt_hz: float = Field(
         0.00147,
-        description="noise density of the force; 150 µg, BMI055 data sheet [m/s² per sqrt(Hz)]",
+        description="noise density of the force; 150 µg, BMI055 [m/s² per sqrt(Hz)]",
         ge=0.0,
     )
     accelerometer_walk_m_s3_rt_hz: float = Field(
@@ -54,7 +55,8 @@ class ImuSettings(Settings):
     )
     accelerometer_bias_m_s2: float = Field(
         0.23,
-        description="bias at the start, standard deviation; the data sheet's 70 mg taken as three of them [m/s²]",
+        description="bias at the start, standard deviation; 70 mg, typical of such sensors, taken as three of them "
+        "[m/s²]",
         ge=0.0,
     )
     arrival: Arrival = Arrival(delay_ms=2.0, jitter_ms=0.8)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from belie.simulation.sensors.sampling import Arrival, GaussMarkov, Motion, Sampling, generator
-from belie.types import Claim, PositionClaim, Settings
+from belie.simulation.sensors.position import PositionSensor
+from belie.simulation.sensors.sampling import Arrival, Sampling
+from belie.types import Settings
 
 
 class LocalisationSettings(Settings):
@@ -32,7 +33,9 @@ class LocalisationSettings(Settings):
     arrival: Arrival = Arrival(delay_ms=40.0, jitter_ms=12.0)
 
 
-class Localisation:
+def localisation(
+    settings: LocalisationSettings, *, start_ns: int, seed: int, source: str = "/localization/pose"
+) -> PositionSensor:
     """Positions of the body's origin in the frame ``map``, which is the world.
 
     Examples
@@ -42,35 +45,18 @@ class Localisation:
     ...     def T_world_body(self, t_s): return SE3.from_translation([3.0, 4.0, 0.0])
     ...     def twist(self, t_s): return np.zeros(3), np.zeros(3)
     >>> exact = LocalisationSettings(wander_m=0, white_m=0)
-    >>> Localisation(exact, start_ns=0, seed=1).claims_until(Standing(), 0.0)[0].position_m
+    >>> localisation(exact, start_ns=0, seed=1).claims_until(Standing(), 0.0)[0].position_m
     array([3., 4., 0.])
     """
-
-    def __init__(
-        self, settings: LocalisationSettings, *, start_ns: int, seed: int, source: str = "/localization/pose"
-    ) -> None:
-        s = self._settings = settings
-        self._source = source
-        self._sampling = Sampling(rate_hz=s.rate_hz, start_ns=start_ns)
-        self._rng = generator(seed, source)
-        self._wander = GaussMarkov(np.full(3, s.wander_m), s.correlation_s, self._rng)
-        variance = s.wander_m**2 + s.white_m**2
-        self._covariance = variance * np.eye(3) if variance > 0.0 else None
-
-    def claims_until(self, motion: Motion, stop_s: float) -> list[Claim]:
-        """The positions up to `stop_s` that were not handed out before."""
-        return [self._position(motion, t_s) for t_s in self._sampling.until(stop_s)]
-
-    def _position(self, motion: Motion, t_s: float) -> PositionClaim:
-        s = self._settings
-        stamp_ns = self._sampling.stamp_ns(t_s)
-        error = self._wander.at(t_s) + s.white_m * self._rng.normal(size=3)
-        return PositionClaim(
-            source=self._source,
-            frame_id="map",
-            kind="localisation",
-            stamp_ns=stamp_ns,
-            received_ns=s.arrival.received_ns(stamp_ns, self._rng),
-            position_m=motion.T_world_body(t_s).t + error,
-            covariance=self._covariance,
-        )
+    s = settings
+    return PositionSensor(
+        source=source,
+        frame_id="map",
+        kind="localisation",
+        sampling=Sampling(rate_hz=s.rate_hz, start_ns=start_ns),
+        seed=seed,
+        wander_m=np.full(3, s.wander_m),
+        correlation_s=s.correlation_s,
+        white_m=s.white_m,
+        arrival=s.arrival,
+    )

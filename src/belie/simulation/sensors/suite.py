@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from belie.simulation.sensors.gnss import Gnss
+from belie.simulation.sensors.gnss import gnss
 from belie.simulation.sensors.imu import Imu
-from belie.simulation.sensors.localisation import Localisation
+from belie.simulation.sensors.localisation import localisation
 from belie.simulation.sensors.sampling import Motion
 from belie.simulation.sensors.wheel_odometry import WheelOdometry
 from belie.types import Claim
@@ -36,8 +36,8 @@ class SensorSuite:
         self._sensors = (
             Imu(settings.imu, start_ns=start_ns, seed=seed),
             WheelOdometry(settings.wheel_odometry, start_ns=start_ns, seed=seed),
-            Gnss(settings.gnss, start_ns=start_ns, seed=seed),
-            Localisation(settings.localisation, start_ns=start_ns, seed=seed),
+            gnss(settings.gnss, start_ns=start_ns, seed=seed),
+            localisation(settings.localisation, start_ns=start_ns, seed=seed),
         )
         rates = (settings.imu, settings.wheel_odometry, settings.gnss, settings.localisation)
         on = [sensor.rate_hz for sensor in rates if sensor.rate_hz > 0.0]

@@ -28,19 +28,19 @@ class WheelOdometrySettings(Settings):
     scale: float = Field(
         0.005,
         description="error of the distance, standard deviation, constant over a drive: tyre diameter changes with "
-        "pressure, load and wear by about this (Borenstein and Feng, IEEE T-RA 12(6), 1996, calibrate it) [1]",
+        "pressure, load and wear (Borenstein and Feng, IEEE T-RA 12(6), 1996); typical [1]",
         ge=0.0,
     )
     distance_noise_m_rt_m: float = Field(
         0.004,
         description="random error of the distance, uneven ground (Thrun et al., Probabilistic Robotics, 5.4: "
-        "variance grows with distance) [m per sqrt(m)]",
+        "variance grows with distance); typical [m per sqrt(m)]",
         ge=0.0,
     )
     slip_s2_m: float = Field(
         0.003,
-        description="longitudinal slip per acceleration: a slip stiffness of 20 to 30 wheel loads (Pacejka, Tyre "
-        "and Vehicle Dynamics, 1.2) shared over four wheels [1 per m/s²]",
+        description="longitudinal slip per acceleration: a typical slip stiffness of 20 to 30 wheel loads, "
+        "shared over four wheels [1 per m/s²]",
         ge=0.0,
     )
     heading_noise_deg_rt_m: float = Field(
@@ -48,8 +48,8 @@ class WheelOdometrySettings(Settings):
     )
     heading_drift_deg_m: float = Field(
         0.005,
-        description="constant drift of the heading, standard deviation: unequal wheel diameters (Borenstein and Feng; "
-        "5 deg in a kilometre after calibration) [deg/m]",
+        description="constant drift of the heading, standard deviation: unequal wheel diameters; typical: "
+        "5 deg in a kilometre [deg/m]",
         ge=0.0,
     )
     yaw_scale: float = Field(

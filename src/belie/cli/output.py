@@ -1,0 +1,95 @@
+"""How commands write a recording: names are checked first, an old file survives a failure, labels are told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from belie.attacks import AttackLabel
+    from belie.recordings import BodyAxes, GeodeticPoint
+    from belie.types import MountedCamera, Step
+
+
+class Encoding(StrEnum):
+    """How images are stored."""
+
+    PNG = "png"
+    MONO8 = "mono8"
+    JPEG = "jpeg"
+
+
+def require_free(output: Path, beside: Sequence[Path], *, force: bool) -> None:
+    """Refuse a recording that cannot be written as MCAP, or that would overwrite something without `force`.
+
+    Raises
+    ------
+    RecordingError
+        If the name does not end in ``.mcap``, is a folder's, or is taken, or one of those beside it.
+
+    Examples
+    --------
+    >>> require_free(Path("out.mcap"), [], force=False)
+    >>> require_free(Path("out.bag"), [], force=False)
+    Traceback (most recent call last):
+        ...
+    belie.types.errors.RecordingError: -o out.bag: the name must end in .mcap, the format that is written
+    """
+    from belie.types import RecordingError
+
+    if output.suffix != ".mcap":
+        raise RecordingError(f"-o {output}: the name must end in .mcap, the format that is written")
+    if output.is_dir():
+        raise RecordingError(f"-o {output} is a folder; choose another name")
+    taken = [str(path) for path in (output, *beside) if path.exists()]
+    if taken and not force:
+        raise RecordingError(f"{' and '.join(taken)} exists already; --force overwrites it")
+
+
+def write_recording(
+    output: Path,
+    steps: Iterable[Step],
+    *,
+    doing: str,
+    frames: int,
+    cameras: Mapping[str, MountedCamera],
+    body_axes: BodyAxes,
+    encoding: Encoding,
+    jpeg_quality: int | None = None,
+    geodetic_origin: GeodeticPoint | None,
+) -> None:
+    """Write an MCAP under a progress bar, first under another name: what was there before survives a failure."""
+    from belie.cli.progress import progress
+    from belie.recordings import write_mcap
+    from belie.recordings.messages import JPEG_QUALITY
+
+    partial = output.with_name(f".{output.stem}.partial{output.suffix}")
+    partial.unlink(missing_ok=True)
+    try:
+        with progress(f"{doing} {output.name}", frames) as advance:
+            write_mcap(
+                partial,
+                steps,
+                cameras=cameras,
+                body_axes=body_axes,
+                image_encoding=encoding.value,
+                jpeg_quality=JPEG_QUALITY if jpeg_quality is None else jpeg_quality,
+                geodetic_origin=geodetic_origin,
+                progress=lambda count: advance(),
+            )
+        partial.replace(output)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_labels(path: Path, labels: Sequence[AttackLabel], start_ns: int) -> None:
+    """Write the labels of attacks, and tell who lies from when; `start_ns` is the stamp of the first frame."""
+    from belie.attacks import write_labels as write
+
+    write(path, labels)
+    for label in labels:
+        onset_s = (label.onset_ns - start_ns) * 1e-9
+        sources = ", ".join(label.sources)
+        print(f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {label.start_frame}")
