@@ -67,7 +67,7 @@ def annotated(name: str) -> AnnotatedImages:
 
 
 def _model(path: Path, f: float, cx: float | None = None, cy: float | None = None) -> CameraModel:
-    height, width = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape
+    height, width = np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)).shape
     return CameraModel(
         width=width, height=height, fx=f, fy=f,
         cx=0.5 * width - 0.5 if cx is None else cx, cy=0.5 * height - 0.5 if cy is None else cy,

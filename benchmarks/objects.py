@@ -25,7 +25,7 @@ from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.objects import ObjectStage
 from belie.detector.paper_profile import PaperProfile
 from belie.detector.scene_witness import Scene
-from belie.evaluation.score import wilson_interval
+from belie.evaluation.intervals import wilson_interval
 from belie.odometry import VisualOdometry
 from belie.types import Alert, AlertType, MountedCamera, Status, Step, VisualEstimate
 
@@ -219,7 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print("\n| family | recording | found | wrong alerts before |\n|---|---|---:|---:|")
     for (family, name), several in sorted(table.items()):
         hits = sum(t.delay is not None for t in several)
-        low, high = wilson_interval(hits, len(several))
+        low, high = wilson_interval(hits, len(several)) or (0.0, 1.0)
         wrong = sum(len(t.wrong) for t in several)
         print(f"| {family} | {name} | {hits}/{len(several)} ({100 * low:.0f}–{100 * high:.0f} %) | {wrong} |")
     if chosen.misses:

@@ -64,8 +64,10 @@ class ObjectStream:
 
     def __post_init__(self) -> None:
         s = self.settings
-        self._missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps)
-        self._misnamed = Habit(s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps)
+        self._missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px)
+        self._misnamed = Habit(
+            s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px
+        )
 
     # -- images --------------------------------------------------------------------------------------
 
@@ -145,7 +147,7 @@ class ObjectStream:
         if fair:
             track.hiding.excuse()
         else:
-            track.hiding.wrong(self.interval_s, self._threshold("hiding"), stamp_ns)
+            track.hiding.wrong(self.interval_s, self._threshold("hiding"), stamp_ns, _side(track.box_px))
 
     def _present(
         self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, others: list[ObjectTrack],
@@ -251,7 +253,9 @@ class ObjectStream:
                     "shorter gaps only", object=track.name)))  # fmt: skip
             elif track.last_seen_ns < (self.last_ns or 0) and track.weight >= self.settings.established:
                 fair = track.absence(size, self.settings)
-                if fair and not fair.startswith(("too small", "leaving")):
+                if fair.startswith(
+                    ("too few", "fading")
+                ):  # else its pixels have told: it is not there to be seen
                     doubtful.append(f"{track.label} {track.name} is missing: {fair}")
             if not track.hiding.accused and (
                 worst is None or track.hiding.statistic > worst.hiding.statistic

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 _LEAST = 0.02  # no detector is trusted to be better, however long it has been
 _MOST = 0.97
+_STEEPNESS = 4.0
 _OBJECT_WEIGHT = 0.5  # of the stream's prior, for the object's own
 
 
@@ -36,6 +37,8 @@ class Habit:
         How long consecutive images share the cause.
     prior_messages, prior_gaps : float
         What the expectation weighs.
+    half_seen_px : float
+        Side at which every second error lasts.
 
     Examples
     --------
@@ -53,6 +56,7 @@ class Habit:
     persistence_s: float
     prior_messages: float
     prior_gaps: float
+    half_seen_px: float = 20.0
     stream: Counts = field(default_factory=Counts)
 
     def right(self, own: Counts) -> None:
@@ -66,11 +70,16 @@ class Habit:
             counts.begun += 1.0
             counts.lasted += length - 1.0
 
-    def surprise(self, own: Counts, position: int, interval_s: float) -> float:
-        """Log-likelihood ratio, nats, that the error number `position` (from 0) of a run adds for an attack."""
+    def surprise(self, own: Counts, position: int, interval_s: float, side_px: float = 1e3) -> float:
+        """Log-likelihood ratio, nats, that the error number `position` (from 0) of a run adds for an attack.
+
+        `side_px` of the object: what is hard to see because it is small stays hard to see.
+        """
         if position == 0:
             return -math.log(self._begins(own))
-        return -math.log(self._lasts(own, interval_s))
+        hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
+        lasts = self._lasts(own, interval_s)
+        return -math.log(_bounded(lasts + (1.0 - lasts) * hard))
 
     def _begins(self, own: Counts) -> float:
         s, n = self.stream, self.prior_messages
@@ -121,11 +130,11 @@ class RunTest:
         self.habit.right(self.own)
         self.length, self.statistic, self.accused = 0, 0.0, False
 
-    def wrong(self, interval_s: float, threshold: float, stamp_ns: int) -> bool:
+    def wrong(self, interval_s: float, threshold: float, stamp_ns: int, side_px: float = 1e3) -> bool:
         """A message in error, though the pixels tell otherwise; True once it is accused."""
         if self.length == 0:
             self.onset_ns = stamp_ns
-        self.statistic += self.habit.surprise(self.own, self.length, interval_s)
+        self.statistic += self.habit.surprise(self.own, self.length, interval_s, side_px)
         self.length += 1
         self.accused = self.accused or self.statistic >= threshold
         return self.accused

@@ -47,6 +47,11 @@ class ObjectSettings(Settings):
     prior_gaps: float = Field(
         10.0, gt=0.0, description="gaps that the expected persistence weighs as much as [count]"
     )
+    half_seen_px: float = Field(
+        20.0, gt=0.0,
+        description="longer side of an object at which every second miss goes on into the next message [px]: what is "
+        "hard to see because it is small stays so; detectors lose half of the objects at 15 to 20 px",
+    )  # fmt: skip
     least_present: float = Field(
         0.5, gt=0.0, le=1.0,
         description="share of an object's corners that must still be found, and move as one, to say that it is "
