@@ -127,13 +127,13 @@ def test_leaving_the_view_is_no_attack():
     assert watch(scene, hidden=range(gone, 50))[0] == []
 
 
-def test_occlusion_is_undecided_and_no_attack():
+def test_occlusion_is_told_and_no_attack():
     scene = Scene(36, speed=1.0, start=150.0, cover=lambda k: max(150.0 + k - 10, 420.0 - 14.0 * k))
     covered = next(k for k in range(36) if scene.cover(k) < scene.start + scene.speed * k + 0.5 * SIDE)
     alerts, results, _ = watch(scene, hidden=range(covered, 36))
     assert alerts == []
     answers = [answers["hiding"] for answers in results[covered + 2 : covered + 8]]
-    assert Status.UNDECIDED in {a.status for a in answers}
+    assert {a.status for a in answers} == {Status.CONSISTENT}
     assert any("occluded or gone" in a.reason for a in answers)
 
 

@@ -194,11 +194,12 @@ def test_older_definitions_are_understood():
         DetectionReader("/yolo", lambda frame: SE3.identity())(message, 5, 0)
 
 
-def test_the_detector_passes_over_detections():
+def test_the_detector_holds_detections_against_the_image():
     from belie.detector import Config, Detector
 
     for profile in ("default", "paper"):
         detector = Detector({"/cam/image": CAMERA}, Config(profile=profile))
         frame = Frame(camera="/cam/image", stamp_ns=10**9, received_ns=10**9, image=IMAGE)
         verdict = detector.update(frame, [claim(boxes())])
-        assert {check.source for check in verdict.checks} <= {"/cam/image"}
+        assert {check.source for check in verdict.checks} <= {"/cam/image", claim(boxes()).source}
+        assert not verdict.alerts

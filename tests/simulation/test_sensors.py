@@ -181,12 +181,19 @@ def test_misses_grow_with_distance_fog_darkness_and_occlusion():
     assert in_fog[-1] < 0.2
 
 
-def test_misses_come_in_runs_and_at_the_stated_share():
-    claims = watch([label()], frames=15_000, miss=0.05, false_positives=0.0)
+def lengths_of_gaps(height):
+    claims = watch([label(height=height)], frames=15_000, false_positives=0.0)
     missed = np.array([not claim.detections for claim in claims])
-    assert missed.mean() == pytest.approx(0.05, abs=0.01)
-    runs = np.diff(np.flatnonzero(np.diff(np.r_[0, missed, 0])))[::2]
-    assert runs.mean() == pytest.approx(4.1, rel=0.15)
+    return missed.mean(), np.diff(np.flatnonzero(np.diff(np.r_[0, missed, 0])))[::2].mean()
+
+
+def test_misses_in_plain_view_are_chance_and_those_of_the_half_seen_last():
+    share, length = lengths_of_gaps(60.0)
+    assert share == pytest.approx(0.02, abs=0.01)
+    assert length == pytest.approx(1.3, rel=0.15)
+    share, length = lengths_of_gaps(16.0)
+    assert share == pytest.approx(0.51, abs=0.04)
+    assert length == pytest.approx(4.1, rel=0.15)
 
 
 def test_tracks_last_and_labels_flicker():

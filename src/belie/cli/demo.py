@@ -23,12 +23,20 @@ DRIVE = "demo_drive.mcap"
 # What lies, when, and in plain words; the first two seconds of a stream teach the check how noisy it is.
 ATTACKS = (
     (
+        "detections-hide:object=1,start=3.5s,stop=5s",
+        "the detector hides the van ahead for 1.5 s",
+    ),
+    (
         "position-offset:axis=x,magnitude=3,start=6s,stop=7.5s",
-        "GNSS jumps 3 m to the east for a second and a half",
+        "GNSS jumps 3 m to the east for 1.5 s",
     ),
     (
         "odometry-offset:axis=left,rate=0.2,start=9s,stop=10s",
-        "odometry drifts 0.2 m a frame to the left for a second",
+        "odometry drifts 0.2 m a frame to the left for 1 s",
+    ),
+    (
+        "detections-relabel:object=82,to=bird,start=10.5s,stop=11.5s",
+        "the detector calls a parked van a bird for 1 s",
     ),
 )
 NOT_CAUGHT = 1
@@ -46,8 +54,9 @@ def demo(
 ) -> None:
     """Attack a bundled drive and catch the lies, live; no recording, network or GPU is needed.
 
-    A car drives through a street (rendered by 'belie simulate demo'); its odometry and its GNSS lie for a while. Every
-    frame is checked as it comes; a table and a report that explains every figure close the show.
+    A car drives through a street (rendered by 'belie simulate demo'); its odometry, its GNSS and its object detector
+    lie for a while. Every frame is checked as it comes; a table and a report that explains every figure close the
+    show.
 
     \b
     Exit codes: 0 every lie was caught and nothing else, 1 not so, 2 the report cannot be written.
@@ -82,7 +91,8 @@ def watch(drive: Path, console: Console, *, speed: float) -> tuple[Run, tuple[At
     labels = attacked.labels
     stamps_ns = attacked.frame_stamps_ns()
     console.print(
-        f"A drive of {(stamps_ns[-1] - stamps_ns[0]) * 1e-9:.0f} s, {len(stamps_ns)} frames, with two lies in it:"
+        f"A drive of {(stamps_ns[-1] - stamps_ns[0]) * 1e-9:.0f} s, {len(stamps_ns)} frames, "
+        f"with {len(labels)} lies in it:"
     )
     for label, (_, words) in zip(labels, ATTACKS, strict=True):
         console.print(f"  from {(label.onset_ns - stamps_ns[0]) * 1e-9:4.1f} s  {words}")

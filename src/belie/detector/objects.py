@@ -241,7 +241,9 @@ class ObjectStream:
     def _answer_hiding(self, size: tuple[int, int]) -> list[Judgement]:
         threshold = self._threshold("hiding")
         floor = self._floor(self._missed, threshold)
-        accused, doubtful = [], []
+        accused: list[Judgement] = []
+        doubtful: list[str] = []
+        explained: list[str] = []
         worst: ObjectTrack | None = None
         for track in self.tracks:
             if track.hiding.accused:
@@ -253,10 +255,12 @@ class ObjectStream:
                     "shorter gaps only", object=track.name)))  # fmt: skip
             elif track.last_seen_ns < (self.last_ns or 0) and track.weight >= self.settings.established:
                 fair = track.absence(size, self.settings)
-                if fair.startswith(
-                    ("too few", "fading")
-                ):  # else its pixels have told: it is not there to be seen
-                    doubtful.append(f"{track.label} {track.name} is missing: {fair}")
+                if fair:
+                    # Where its pixels have told that it is not there to be seen, there is no doubt.
+                    undecided = fair.startswith(("too few", "fading"))
+                    (doubtful if undecided else explained).append(
+                        f"{track.label} {track.name} is missing: {fair}"
+                    )
             if not track.hiding.accused and (
                 worst is None or track.hiding.statistic > worst.hiding.statistic
             ):
@@ -264,7 +268,8 @@ class ObjectStream:
         if accused:
             return accused
         status = Status.UNDECIDED if doubtful else Status.CONSISTENT
-        reason = doubtful[0] if doubtful else f"{len(self.tracks)} objects, none missing longer than usual"
+        usual = f"{len(self.tracks)} objects, none missing longer than usual"
+        reason = [*doubtful, *explained, usual][0]
         return [Judgement(result=CheckResult(
             check="hiding", source=self.source, status=status, threshold=threshold, unit="llr", floor=floor,
             statistic=worst.hiding.statistic if worst else 0.0, reason=reason,

@@ -19,6 +19,8 @@ _SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and th
 _MEMORY = 40  # frames
 _RING = 1.0  # of the box's side: how far around it its wall is looked for
 _FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-air
+_LEAST_SIDE_PX = 40.0  # of a box: smaller ones are so far that slopes decide where they stand
+_TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
 _GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
 
 
@@ -69,14 +71,15 @@ class SceneWitness:
         """Log-likelihood ratio, nats, for a box with the background in it; None where it cannot be told."""
         if self._ground is None or self._scene is None:
             return None
-        left, _, right, bottom = track.box_px
-        if bottom > self.camera.height - 2.0:
-            return None  # its foot is out of view
+        left, top, right, bottom = track.box_px
+        if bottom > self.camera.height - 2.0 or max(right - left, bottom - top) < _LEAST_SIDE_PX:
+            return None  # its foot is out of view, or it is too far away
         depth, deviation, xy = self._depths(track)
         if len(xy) == 0:
             return None
         foot_xy = self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5)
         foot = float(self._ground.at(foot_xy)[0])
+        error = _TILT * float(self._ground.coefficients[1])
         found: list[float] = []
         if foot > 0.0:
             on_ground = background_evidence(depth, deviation, self._ground.at(xy), foot)
@@ -84,7 +87,7 @@ class SceneWitness:
                 found.append(on_ground)
         wall = self._wall(track.box_px)
         if wall is not None and (wall.at(xy) > _FLOATS * max(foot, 1e-6)).all():
-            on_wall = background_evidence(depth, deviation, wall.at(xy), max(foot, 0.0))
+            on_wall = background_evidence(depth, deviation, wall.at(xy), max(foot, 0.0), error)
             if on_wall is not None:
                 found.append(on_wall)
         return max(found, default=None)

@@ -27,6 +27,7 @@ def background_evidence(
     deviation: FloatArray,
     background: FloatArray,
     foot: float,
+    foot_error: float = 0.0,
 ) -> float | None:
     """Log-likelihood ratio, nats, that a box shows the background and no object that stands at its foot.
 
@@ -38,6 +39,8 @@ def background_evidence(
         Inverse depth of the ground or the wall at the corners.
     foot : float
         Inverse depth at which an object would stand that ends where the box ends.
+    foot_error : float
+        Of it: a road that rises or a nodding camera moves the foot of whatever is far away.
 
     Returns
     -------
@@ -54,11 +57,11 @@ def background_evidence(
     """
     width = np.abs(deviation) + _MODEL * np.abs(background)
     outside = np.maximum(_BEHIND * foot - background, background - _BEFORE * foot)
-    telling = outside > 1.5 * width
+    telling = outside - foot_error > 1.5 * width
     if int(telling.sum()) < _LEAST_CORNERS:
         return None
     rho, width = inverse_depth[telling], width[telling]
-    object_width = np.abs(deviation[telling]) + _FOOT * abs(foot)
+    object_width = np.abs(deviation[telling]) + _FOOT * abs(foot) + foot_error
     as_background = np.abs(rho - background[telling]) / width
     as_object = np.maximum(np.maximum(_BEHIND * foot - rho, rho - _BEFORE * foot), 0.0) / object_width
     explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))

@@ -62,6 +62,12 @@ class ObjectDetectorSettings(Settings):
         "safety, DSN 2020, models them so; the length is typical) [messages]",
         ge=1.0,
     )
+    plain_miss_frames: float = Field(
+        1.3,
+        description="the same for objects in plain view, whose misses are chance; an assumption: the published means "
+        "are over objects of all distances. Between, it grows with the share missed [messages]",
+        ge=1.0,
+    )
     person_miss_frames: float = Field(2.4, description="the same for people; typical [messages]", ge=1.0)
     confusion: float = Field(
         0.02,

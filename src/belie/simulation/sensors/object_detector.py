@@ -188,8 +188,8 @@ class ObjectDetector:
         track = self._tracks.get(label.id)
         if track is None:
             track = self._tracks[label.id] = self._new_track(label)
-        run = s.person_miss_frames if label.label in _PEOPLE else s.vehicle_miss_frames
         miss = self.miss_probability(label)
+        run = self._gap_frames(label, miss)
         missed = track.missed.step(miss, run, rng)
         was_confused = track.confused.on
         confused = track.confused.step(s.confusion, run, rng)
@@ -215,6 +215,14 @@ class ObjectDetector:
             position_m=label.T_cam_obj.t + error_m if in_range else None,
             covariance=sigma_m**2 * np.eye(3) if in_range and sigma_m > 0.0 else None,
         )
+
+    def _gap_frames(self, label: Label, miss: float) -> float:
+        """Mean length of a gap: what is hard to see stays hard to see, what is in plain view is lost by chance."""
+        s = self._settings
+        hard = s.person_miss_frames if label.label in _PEOPLE else s.vehicle_miss_frames
+        easy = min(s.plain_miss_frames, hard)
+        hardness = min(max((miss - s.night_miss) / (0.5 - s.night_miss), 0.0), 1.0)
+        return easy + (hard - easy) * hardness
 
     def _new_track(self, label: Label) -> _Track:
         sigma = np.full(3, self._position_sigma_m(label.label))
