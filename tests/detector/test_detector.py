@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from belie import attacks
 from belie.detector import Config, Detector
 from belie.geometry import SE3, CameraModel
+from belie.odometry import VisualOdometry
 from belie.recordings import open_recording
 from belie.types import CalibrationError, Frame, MountedCamera, PoseClaim, Status
 
@@ -126,3 +129,20 @@ def test_a_blind_camera_accuses_nobody(kitti00):
         if i == 130:
             break
     assert accused <= {"camera_fault"}
+
+
+def test_a_position_waits_for_a_frame_that_the_camera_vouches_for(kitti00, monkeypatch):
+    """One false position, told at the one frame in which the corners have no majority, is not passed over."""
+    see = VisualOdometry.update
+
+    def without_majority(self, image):
+        estimate = see(self, image)
+        if image.stamp_ns == stamps[60]:
+            return replace(estimate, inliers=0, reason="no majority: 10 of 30 corners move as one")
+        return estimate
+
+    monkeypatch.setattr(VisualOdometry, "update", without_majority)
+    stamps = [step.frame.stamp_ns for step in kitti00.steps()]
+    attacked = attacks.attack(kitti00, "position-offset:magnitude=3,axis=left,start=60,stop=61")
+    found = alerts(watch(attacked, stop=64))
+    assert found[:1] == [(61, "position_spoofing", "/position")]

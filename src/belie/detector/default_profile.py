@@ -87,10 +87,10 @@ class DefaultProfile:
         if estimate is None or self._must_withhold(seen):
             judgements += self._withhold(f"not judged: {seen.reason}")
             self._follow(frame, None)
-            for source in self._position_checks:
-                self._streams.due_positions(
-                    source, frame.stamp_ns
-                )  # no position is judged later by this frame
+            if estimate is None or seen.status is Status.CONTRADICTED:
+                # No position is judged later by this frame; where the camera only doubts itself, it may wait.
+                for source in self._position_checks:
+                    self._streams.due_positions(source, frame.stamp_ns)
         else:
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
             self._follow(frame, estimate)
@@ -231,11 +231,14 @@ class DefaultProfile:
 
     def _judge_positions(self, source: str, frame: Frame, estimate: VisualEstimate) -> Judgement:
         check = self._position_checks[source]
-        due = self._streams.due_positions(source, frame.stamp_ns)
         if estimate.inliers == 0:
+            # A claim waits for the next frame that the camera vouches for, unless too long has gone by.
             lost = frame.stamp_ns - self._vouched_ns > _STANDS_NS
+            if lost:
+                self._streams.due_positions(source, frame.stamp_ns)
             reason = f"nobody vouches for the odometry: {estimate.reason}"
             return Judgement(result=check.skip(reason, odometry_lost=lost))
+        due = self._streams.due_positions(source, frame.stamp_ns)
         self._vouched_ns = frame.stamp_ns
         if self._odometry_accused:
             # The camera alone drifts too far to accuse a position by; whatever was learned ends here.
