@@ -30,6 +30,7 @@ from belie.recordings import open_recording, write_mcap
 from belie.simulation.labels import ObjectLabel
 from belie.simulation.rendered import Rendered
 from belie.simulation.scenario import Scenario, load_scenario
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.simulate import SimulatedRecording
 from belie.simulation.stage import Stage, build_world
 from belie.simulation.truth import objects_line, objects_path, write_objects
@@ -90,7 +91,7 @@ class KeptPictures:
         self._steps = open_recording(bag).steps()
         self._lines = iter(objects_path(bag).read_text(encoding="utf-8").splitlines())
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
         gray = next(self._steps).frame.image
         return Rendered(
