@@ -13,10 +13,11 @@ flickers, and that is not an attack. A hit is an alert of the right type that na
 from __future__ import annotations
 
 import argparse
+import copy
 import json
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
@@ -45,7 +46,17 @@ from belie.simulation.stage import CAMERA, Stage, build_world
 from belie.simulation.truth import objects_path
 from belie.simulation.weather import WEATHERS
 from belie.simulation.world import World
-from belie.types import AlertType, Claim, DetectionClaim, Frame, GrayImage, Status, Step, VisualEstimate
+from belie.types import (
+    Alert,
+    AlertType,
+    Claim,
+    DetectionClaim,
+    Frame,
+    GrayImage,
+    Status,
+    Step,
+    VisualEstimate,
+)
 from clean_simulated import SCENARIOS, Job, label_of, render
 
 LEAST_PX = 24.0
@@ -101,19 +112,25 @@ class Eavesdropper:
         return []
 
 
-def simulated(job: Job, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]], miss_run: float | None):
+def simulated(
+    job: Job, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]], miss_run: float | None
+):
     """The drive with the sensors of the job's seed."""
 
     def open_stage(scenario: Scenario, world: World) -> AbstractContextManager[Stage]:
         kept = Kept(images, labels)
-        return nullcontext(Stage(scenario, world, kept, weather=WEATHERS[scenario.weather], labels=kept.labels))
+        return nullcontext(
+            Stage(scenario, world, kept, weather=WEATHERS[scenario.weather], labels=kept.labels)
+        )
 
     scenario = job.settings(job.sensor_seed)
     if miss_run is not None:
         told = scenario.sensors.object_detector.model_copy(update={"plain_miss_frames": miss_run})
         sensors = scenario.sensors.model_copy(update={"object_detector": told})
         scenario = scenario.model_copy(update={"sensors": sensors})
-    return SimulatedRecording(scenario, world=build_world(job.settings(job.world_seed)), stage_opener=open_stage)
+    return SimulatedRecording(
+        scenario, world=build_world(job.settings(job.world_seed)), stage_opener=open_stage
+    )
 
 
 @lru_cache(maxsize=2)
@@ -189,24 +206,33 @@ def _side(o: ObjectLabel) -> float:
     return float((o.box_px[2:] - o.box_px[:2]).max())
 
 
-Judge = Callable[[int, Step], list[Judgement]]
+class Judge:
+    """The object checks of a profile, and the alerts that stand; copied where an attack branches off the clean run."""
 
+    def __init__(self, recording: MemoryRecording, drive: Drive, profile: str) -> None:
+        ((name, camera),) = recording.cameras.items()
+        config, self._drive = Config(), drive
+        rate = config.sequential.false_alarms_per_hour
+        self._paper = PaperProfile(name, camera, config) if profile == "paper" else None
+        self._stage = ObjectStage(camera.model, config.objects, config.tracking, rate)
+        self._book = AlertBook()
 
-def judge_of(recording: MemoryRecording, drive: Drive, profile: str) -> Judge:
-    """The object checks of a profile."""
-    ((name, camera),) = recording.cameras.items()
-    config = Config()
-    if profile == "paper":
-        paper = PaperProfile(name, camera, config)
-        return lambda index, step: paper.update(step.frame, step.claims)
-    stage = ObjectStage(camera.model, config.objects, config.tracking, config.sequential.false_alarms_per_hour)
+    def __deepcopy__(self, memo: dict[int, object]) -> Judge:
+        memo[id(self._drive)] = self._drive
+        other = object.__new__(Judge)
+        other.__dict__ = copy.deepcopy(self.__dict__, memo)
+        return other
 
-    def judge(index: int, step: Step) -> list[Judgement]:
-        estimate, scene, doubted = drive.sights[index]
-        stage.take(step.claims, step.frame.stamp_ns)
-        return stage.update(step.frame, estimate, scene, doubted=doubted)
-
-    return judge
+    def look(self, index: int, step: Step) -> tuple[list[Judgement], list[Alert]]:
+        """The judgements of a frame and the new alerts about objects."""
+        if self._paper is not None:
+            judgements = self._paper.update(step.frame, step.claims)
+        else:
+            estimate, scene, doubted = self._drive.sights[index]
+            self._stage.take(step.claims, step.frame.stamp_ns)
+            judgements = self._stage.update(step.frame, estimate, scene, doubted=doubted)
+        raised = self._book.raise_new(judgements, step.frame.stamp_ns)
+        return judgements, [alert for alert in raised if alert.type in OBJECT_ALERTS]
 
 
 @dataclass(slots=True)
@@ -234,62 +260,62 @@ class Found:
     undecided: Counter[str] = field(default_factory=Counter)
 
 
-def watch(judge: Judge, steps: Iterator[Step]) -> Iterator[tuple[int, list[Judgement], list]]:
-    """Frame by frame: judgements and the new alerts about objects."""
-    book = AlertBook()
-    for index, step in enumerate(steps):
-        judgements = judge(index, step)
-        raised = book.raise_new(judgements, step.frame.stamp_ns)
-        yield index, judgements, [a for a in raised if a.type in OBJECT_ALERTS]
-
-
 def run(job: Job, attacks: int, long: int, profile: str, miss_run: float | None) -> Found:
-    """A clean run of a seed, and attacks on it."""
+    """A clean run of a seed, and attacks that branch off it."""
     drive = drive_of(_bag_job(job))
     recording = claims_of(job, drive, profile, miss_run)
-    found = Found(job=job, frames=len(recording.joined))
-    for index, judgements, alerts in watch(judge_of(recording, drive, profile), recording.steps()):
-        reasons = {j.result.check: j.result.reason for j in judgements}
-        found.false += [f"frame {index}: {a.type.value} of {a.object}" for a in alerts]
+    found, judge = Found(job=job, frames=len(recording.joined)), Judge(recording, drive, profile)
+    chosen = choose(targets(drive, recording, long), attacks, job)
+    found.objects = len({target.actor for _, target in chosen})
+    for index, step in enumerate(recording.joined):
+        for kind, target in chosen:
+            if target.frame == index:
+                found.trials.append(attacked(recording, copy.deepcopy(judge), kind, target, long))
+        judgements, alerts = judge.look(index, step)
+        for a in alerts:
+            why = [j.result.reason for j in judgements if j.result.object == a.object]
+            found.false.append(f"frame {index}: {a.type.value} of {a.object}: {why[0]}")
         for j in judgements:
             if j.result.status is Status.UNDECIDED and j.result.check != "injection":
-                found.undecided[f"{j.result.check}: {_plain(reasons[j.result.check])}"] += 1
-    rng = np.random.default_rng([job.sensor_seed, job.world_seed, len(job.bag.name)])
-    fit = targets(drive, recording, long)
-    found.objects = len({t.actor for t in fit})
-    for n in range(attacks if fit else 0):
-        # Every object as likely as any other, however long it is in view.
-        actor = rng.choice(sorted({t.actor for t in fit}))
-        kind = KINDS[n % len(KINDS)]
-        target = fit[int(rng.choice([i for i, t in enumerate(fit) if t.actor == actor]))]
-        if target.label in ("pedestrian", "person", "cyclist") and kind.endswith("person"):
-            kind = "relabel:to=bird"
-        found.trials.append(attacked(recording, drive, kind, target, long, profile))
+                found.undecided[f"{j.result.check}: {_plain(j.result.reason)}"] += 1
     return found
 
 
-def attacked(
-    recording: MemoryRecording, drive: Drive, kind: str, target: Target, long: int, profile: str
-) -> Trial:
-    """One attack, watched until it is found or over."""
+def choose(fit: Sequence[Target], attacks: int, job: Job) -> list[tuple[str, Target]]:
+    """Attacks: every object as likely as any other, however long it is in view."""
+    rng = np.random.default_rng([job.sensor_seed, job.world_seed, len(job.bag.name)])
+    actors, chosen = sorted({t.actor for t in fit}), []
+    for n in range(attacks if fit else 0):
+        actor = rng.choice(actors)
+        target = fit[int(rng.choice([i for i, t in enumerate(fit) if t.actor == actor]))]
+        kind = KINDS[n % len(KINDS)]
+        if target.label in ("pedestrian", "person", "cyclist") and kind.endswith("person"):
+            kind = "relabel:to=bird"
+        chosen.append((kind, target))
+    return chosen
+
+
+def attacked(recording: MemoryRecording, judge: Judge, kind: str, target: Target, long: int) -> Trial:
+    """One attack, watched from its onset until it is found or over."""
     spec = f"detections-{kind}{',' if ':' in kind else ':'}object={target.name}"
     spec += f",start={target.frame},stop={target.frame + long}"
-    steps = attack(recording, spec).steps()
     trial = Trial(kind.split(":")[0], spec, target.side_px, None, [], frames=long)
     wanted = AlertType.OBSTACLE_HIDING if trial.kind == "hide" else AlertType.OBJECT_MISCLASSIFICATION
     check = "hiding" if trial.kind == "hide" else "misclassification"
-    for index, judgements, alerts in watch(judge_of(recording, drive, profile), steps):
+    for index, step in enumerate(attack(recording, spec).steps()):
+        if index < target.frame:
+            continue
+        judgements, alerts = judge.look(index, step)
         for a in alerts:
-            if a.type is wanted and a.object == target.name and index >= target.frame:
+            if a.type is wanted and a.object == target.name:
                 trial.delay = index - target.frame
             else:
                 trial.wrong.append(f"{a.type.value} of {a.object} at {index}")
         if trial.delay is not None or index >= target.frame + long:
             break
-        if index >= target.frame:
-            for j in judgements:
-                if j.result.check == check and j.result.status is Status.UNDECIDED:
-                    trial.undecided[_plain(j.result.reason)] += 1
+        for j in judgements:
+            if j.result.check == check and j.result.status is Status.UNDECIDED:
+                trial.undecided[_plain(j.result.reason)] += 1
     return trial
 
 
@@ -362,7 +388,9 @@ def _name(job: Job) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cache", type=Path, required=True, help="folder of rendered bags")
     parser.add_argument("--sensor-seeds", type=int, nargs="+", default=[1, 2, 3, 4])
     parser.add_argument("--attacks", type=int, default=6, help="attacks on each seed")
@@ -396,8 +424,9 @@ def main() -> None:
     with ProcessPoolExecutor(wanted.jobs) as pool:
         for one in pool.map(once, jobs, chunksize=len(wanted.sensor_seeds)):
             found.append(one)
-            missed = sum(t.delay is None for t in one.trials)
-            print(f"{_name(one.job)}: {len(one.false)} false, {missed} of {len(one.trials)} missed", file=sys.stderr)
+            missed = [f"{t.spec} ({t.side_px:.0f} px)" for t in one.trials if t.delay is None]
+            told = "; ".join([*one.false, *missed])
+            print(f"{_name(one.job)}, {len(one.trials)} attacks: {told or 'as should be'}", file=sys.stderr)
     print("\n".join(lines(found, 5, wanted.misses)))
 
 

@@ -45,6 +45,7 @@ class ObjectTrack:
     )  # detections ridden
     births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
     born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
+    born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
     phantom: float = 0.0  # evidence that the box shows the background, nats
     phantom_since_ns: int = 0
     is_phantom: bool = False
@@ -66,6 +67,9 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
+    told_before: tuple[int, FloatArray] | None = (
+        None  # frame count and box of the message before the last one
+    )
 
     def follow(
         self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
@@ -85,7 +89,7 @@ class ObjectTrack:
         self.box_px = motion.box_px
         self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
         self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
-        self.born_px = self.born_px[motion.agreeing]
+        self.born_px, self.born_places = self.born_px[motion.agreeing], self.born_places[motion.agreeing]
         self.contrast = motion.contrast
         self.history.append((stamp_ns, self.box_px))
 
@@ -138,6 +142,7 @@ class ObjectTrack:
             self.ages[rides] + 1,
         )
         self.births, self.born_px = self.births[rides], self.born_px[rides]
+        self.born_places = self.born_places[rides]
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
             if self.view is None or not self.view.fits(self.box_px):
@@ -150,8 +155,10 @@ class ObjectTrack:
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
             self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
             self.born_px = np.concatenate([self.born_px, fresh])
+            self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
+        self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 
@@ -173,8 +180,17 @@ class ObjectTrack:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
 
-    def _places_of(self, px: FloatArray) -> FloatArray:
-        return np.asarray((px + 0.5 - self.box_px[:2]) / np.maximum(self.box_px[2:] - self.box_px[:2], 1.0))
+    def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
+        return places_in(self.box_px if box_px is None else box_px, px)
+
+
+def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
+    """Where pixels lie within a box, 0 to 1 along each axis, shape (N, 2).
+
+    >>> places_in(np.array([0.0, 0.0, 10.0, 20.0]), np.array([[4.5, 4.5]]))
+    array([[0.5 , 0.25]])
+    """
+    return np.asarray((px + 0.5 - box_px[:2]) / np.maximum(box_px[2:] - box_px[:2], 1.0))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
