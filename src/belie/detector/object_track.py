@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import ObjectSettings, RunTest
+from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
@@ -67,6 +68,9 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
+    told_middle: FloatArray | None = None  # of the last detected box
+    speed_px_s: FloatArray | None = None  # of the detected boxes
+    likeness: Likeness = field(default_factory=Likeness)
     told_before: tuple[int, FloatArray] | None = (
         None  # frame count and box of the message before the last one
     )
@@ -78,15 +82,20 @@ class ObjectTrack:
         view = self.view
         if view is None or not view.fits(self.box_px):
             view = View.of(previous, window_of(self.box_px))
+        step_s = (stamp_ns - self.history[-1][0]) * 1e-9 if self.history else 0.0
+        if self.speed_px_s is not None and self.is_soft:
+            self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
         motion = follow_object(
             view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
         )
         self.motion, self.view, self.told_px = motion, motion.view, None
-        if motion.error_px2 is not None:
+        # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
+        leads = self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
+        if motion.error_px2 is not None and leads:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
             self.shift_px = motion.shift_px
-        self.box_px = motion.box_px
+        self.box_px = motion.box_px if leads else motion.predicted_box_px
         self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
         self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
         self.born_px, self.born_places = self.born_px[motion.agreeing], self.born_places[motion.agreeing]
@@ -109,6 +118,11 @@ class ObjectTrack:
         """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
         return int((self.ages >= _PROVEN).sum())
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether its corners do not last: then its picture as a whole must speak for it."""
+        return self.corners_then < 2 * _LEAST_CORNERS
+
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
         own_then = self.box_at(stamp_ns)
@@ -120,7 +134,10 @@ class ObjectTrack:
         growth = np.tile(
             (self.box_px[2:] - self.box_px[:2]) / np.maximum(own_then[2:] - own_then[:2], 1.0), 2
         )
-        weight = _TRUST if self.detections > 1 else 1.0
+        # Corrections that come late add up before they are seen to work: half of each, then, as for well-followed objects.
+        is_late = bool(self.history) and stamp_ns < self.history[-1][0]
+        weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
+        self._learn_speed(box_then_px, stamp_ns)
         box = self.box_px + weight * correction * growth
         if (box[2:] - box[:2] >= 2.0).all():
             self.box_px = box
@@ -129,6 +146,15 @@ class ObjectTrack:
             self.shift_px = self.shift_px + _LEAD * drift if self.detections > 1 else self.shift_px
         self.last_seen_ns = max(self.last_seen_ns, stamp_ns)
         self.detections += 1
+
+    def _learn_speed(self, box_px: FloatArray, stamp_ns: int) -> None:
+        """How its detections move: the guide where its own corners do not last."""
+        middle = 0.5 * (box_px[:2] + box_px[2:])
+        if self.told_middle is not None and stamp_ns > self.last_seen_ns:
+            speed = (middle - self.told_middle) / ((stamp_ns - self.last_seen_ns) * 1e-9)
+            last = self.speed_px_s
+            self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
+        self.told_middle = middle
 
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         """Drop corners that do not ride with the box, and find new ones; only while it is detected."""

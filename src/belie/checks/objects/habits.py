@@ -130,13 +130,18 @@ class RunTest:
         self.habit.right(self.own)
         self.length, self.statistic, self.accused = 0, 0.0, False
 
-    def wrong(self, interval_s: float, threshold: float, stamp_ns: int, side_px: float = 1e3) -> bool:
-        """A message in error, though the pixels tell otherwise; True once it is accused."""
+    def wrong(
+        self, interval_s: float, threshold: float, stamp_ns: int, side_px: float = 1e3, *, vouched: bool = True
+    ) -> bool:
+        """A message in error, though the pixels tell otherwise; True once it is accused.
+
+        `vouched`: the pixels are sure; nobody is accused before.
+        """
         if self.length == 0:
             self.onset_ns = stamp_ns
         self.statistic += self.habit.surprise(self.own, self.length, interval_s, side_px)
         self.length += 1
-        self.accused = self.accused or self.statistic >= threshold
+        self.accused = self.accused or (vouched and self.statistic >= threshold)
         return self.accused
 
     def excuse(self) -> None:
