@@ -2,12 +2,13 @@
 
 python benchmarks/objects_simulated.py --cache /tmp/clean --sensor-seeds 1 2 3
 
-The pictures are those of `clean_simulated.py` (rendered once, into the cache); the camera's own motion is estimated once
-a drive. Each sensor seed is a detector of its own, with the habits of `docs/simulated-sensors.md`; its objects are hidden or
-renamed one at a time for two seconds, at drawn onsets. An object is attacked where the truth shows it plainly (24 px or
-more, at most 30 % hidden, in view) and the detector held it in the second before; in fog that a detector cannot see through, it
-flickers, and that is not an attack. A hit is an alert of the right type that names the object while the attack lasts.
-``--miss-run 4.1`` gives the detector gaps of that many messages for objects in plain view, too.
+The pictures are those of `clean_simulated.py` (rendered once, into the cache); the camera's own motion is estimated
+once a drive. Each sensor seed is a detector of its own, with the habits of `docs/simulated-sensors.md`; its objects are
+hidden or renamed one at a time for two seconds, at drawn onsets. An object is attacked where the truth shows it plainly
+(24 px or more, at most 30 % hidden, in view) and the detector held it in the second before: in fog that a detector
+cannot see through it flickers, and that is no attack. A hit is an alert of the right type that names the object while
+the attack lasts. ``--miss-run 4.1`` gives the detector gaps of that many messages for objects in plain view, too;
+``--calibrated 101`` learns its habits first, from a clean run of another seed, as ``belie calibrate`` does.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import product
 from pathlib import Path
@@ -29,6 +30,7 @@ import numpy as np
 
 from _recordings import MemoryRecording
 from belie.attacks import attack
+from belie.checks.objects import ObjectSettings
 from belie.detector import Config
 from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.default_profile import DefaultProfile
@@ -114,7 +116,7 @@ class Eavesdropper:
 
 def simulated(
     job: Job, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]], miss_run: float | None
-):
+) -> SimulatedRecording:
     """The drive with the sensors of the job's seed."""
 
     def open_stage(scenario: Scenario, world: World) -> AbstractContextManager[Stage]:
@@ -177,19 +179,23 @@ def targets(drive: Drive, recording: MemoryRecording, long: int) -> list[Target]
     """Every object at every frame from which on it is plainly there, and was held by the detector."""
     told: list[dict[int, str]] = []  # by frame: actor to track id
     for labels, step in zip(drive.labels, recording.joined, strict=True):
-        (claim,) = [c for c in step.claims if isinstance(c, DetectionClaim)] or [None]
-        found = {}
+        claim = next((c for c in step.claims if isinstance(c, DetectionClaim)), None)
+        named: dict[int, str] = {}
         for o in labels:
-            near = [(box_iou(o.box_px, d.box_px), d.track_id) for d in claim.detections] if claim else []
+            near = [
+                (box_iou(o.box_px, d.box_px), d.track_id)
+                for d in (claim.detections if claim else ())
+                if d.box_px is not None
+            ]
             overlap, name = max(near, default=(0.0, ""))
             if overlap > 0.5:
-                found[o.id] = name
-        told.append(found)
+                named[o.id] = name
+        told.append(named)
     plain = [
         {o.id: o for o in labels if o.visible >= 0.7 and o.truncation <= 0.15 and _side(o) >= LEAST_PX}
         for labels in drive.labels
     ]
-    found = []
+    found: list[Target] = []
     for k in range(BEFORE, len(plain) - long + 1):
         for actor, o in plain[k].items():
             held = sum(actor in told[i] for i in range(k - BEFORE, k))
@@ -209,12 +215,14 @@ def _side(o: ObjectLabel) -> float:
 class Judge:
     """The object checks of a profile, and the alerts that stand; copied where an attack branches off the clean run."""
 
-    def __init__(self, recording: MemoryRecording, drive: Drive, profile: str) -> None:
+    def __init__(
+        self, recording: MemoryRecording, drive: Drive, profile: str, objects: ObjectSettings | None = None,
+        rate: float = Config().sequential.false_alarms_per_hour,
+    ) -> None:  # fmt: skip
         ((name, camera),) = recording.cameras.items()
         config, self._drive = Config(), drive
-        rate = config.sequential.false_alarms_per_hour
         self._paper = PaperProfile(name, camera, config) if profile == "paper" else None
-        self._stage = ObjectStage(camera.model, config.objects, config.tracking, rate)
+        self._stage = ObjectStage(camera.model, objects or config.objects, config.tracking, rate)
         self._book = AlertBook()
 
     def __deepcopy__(self, memo: dict[int, object]) -> Judge:
@@ -222,6 +230,10 @@ class Judge:
         other = object.__new__(Judge)
         other.__dict__ = copy.deepcopy(self.__dict__, memo)
         return other
+
+    def habits(self) -> list[dict[str, float]]:
+        """What was learned of each detector."""
+        return list(self._stage.habits().values())
 
     def look(self, index: int, step: Step) -> tuple[list[Judgement], list[Alert]]:
         """The judgements of a frame and the new alerts about objects."""
@@ -260,11 +272,14 @@ class Found:
     undecided: Counter[str] = field(default_factory=Counter)
 
 
-def run(job: Job, attacks: int, long: int, profile: str, miss_run: float | None) -> Found:
+def run(
+    job: Job, attacks: int, long: int, profile: str, miss_run: float | None, teachers: Sequence[int]
+) -> Found:
     """A clean run of a seed, and attacks that branch off it."""
     drive = drive_of(_bag_job(job))
     recording = claims_of(job, drive, profile, miss_run)
-    found, judge = Found(job=job, frames=len(recording.joined)), Judge(recording, drive, profile)
+    settings = calibrated(job, drive, teachers, miss_run) if teachers else None
+    found, judge = Found(job=job, frames=len(recording.joined)), Judge(recording, drive, profile, settings)
     chosen = choose(targets(drive, recording, long), attacks, job)
     found.objects = len({target.actor for _, target in chosen})
     for index, step in enumerate(recording.joined):
@@ -279,6 +294,19 @@ def run(job: Job, attacks: int, long: int, profile: str, miss_run: float | None)
             if j.result.status is Status.UNDECIDED and j.result.check != "injection":
                 found.undecided[f"{j.result.check}: {_plain(j.result.reason)}"] += 1
     return found
+
+
+def calibrated(job: Job, drive: Drive, seeds: Sequence[int], miss_run: float | None) -> ObjectSettings:
+    """Settings as ``belie calibrate`` learns them, from clean runs of other seeds on the same pictures."""
+    learnt: list[dict[str, float]] = []
+    for seed in seeds:
+        recording = claims_of(replace(job, sensor_seed=seed), drive, "default", miss_run)
+        judge = Judge(recording, drive, "default", rate=1e-300)
+        for index, step in enumerate(recording.joined):
+            judge.look(index, step)
+        learnt += judge.habits()
+    found = {name: max(h[name] for h in learnt) for name in ("miss_rate", "confusion_rate", "persistence_s")}
+    return Config().objects.model_copy(update=found)
 
 
 def choose(fit: Sequence[Target], attacks: int, job: Job) -> list[tuple[str, Target]]:
@@ -299,7 +327,7 @@ def attacked(recording: MemoryRecording, judge: Judge, kind: str, target: Target
     """One attack, watched from its onset until it is found or over."""
     spec = f"detections-{kind}{',' if ':' in kind else ':'}object={target.name}"
     spec += f",start={target.frame},stop={target.frame + long}"
-    trial = Trial(kind.split(":")[0], spec, target.side_px, None, [], frames=long)
+    trial = Trial(kind.split(":", maxsplit=1)[0], spec, target.side_px, None, [], frames=long)
     wanted = AlertType.OBSTACLE_HIDING if trial.kind == "hide" else AlertType.OBJECT_MISCLASSIFICATION
     check = "hiding" if trial.kind == "hide" else "misclassification"
     for index, step in enumerate(attack(recording, spec).steps()):
@@ -353,7 +381,8 @@ def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
         trials = [t for one in clear for t in one.trials if t.kind == kind]
         low, high = wilson_interval(sum(t.delay is not None for t in trials), len(trials)) or (0.0, 1.0)
         delays = Counter(t.delay for t in trials if t.delay is not None)
-        yield f"\n{kind}, not in heavy fog: {100 * low:.1f} to {100 * high:.1f} %; frames to the alert: {dict(sorted(delays.items()))}"
+        share = f"{100 * low:.1f} to {100 * high:.1f} %"
+        yield f"\n{kind}, not in heavy fog: {share}; frames to the alert: {dict(sorted(delays.items()))}"
         for low_px, high_px in ((24, 32), (32, 48), (48, 96), (96, 10_000)):
             part = [t for t in trials if low_px <= t.side_px < high_px]
             yield f"- {low_px} to {high_px} px: {sum(t.delay is not None for t in part)}/{len(part)}"
@@ -403,6 +432,9 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=10.0, help="images [Hz]")
     parser.add_argument("--profile", default="default", choices=("default", "paper"))
     parser.add_argument("--miss-run", type=float, help="mean gap in plain view [messages]")
+    parser.add_argument(
+        "--calibrated", type=int, nargs="+", default=[], help="sensor seeds to learn habits from first"
+    )
     parser.add_argument("--cached-only", action="store_true", help="leave out what is not rendered yet")
     parser.add_argument("--misses", action="store_true", help="list what was not found")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
@@ -418,7 +450,12 @@ def main() -> None:
     if wanted.cached_only:
         jobs = [job for job in jobs if job.bag.exists() and objects_path(job.bag).exists()]
     once = partial(
-        run, attacks=wanted.attacks, long=wanted.long, profile=wanted.profile, miss_run=wanted.miss_run
+        run,
+        attacks=wanted.attacks,
+        long=wanted.long,
+        profile=wanted.profile,
+        miss_run=wanted.miss_run,
+        teachers=wanted.calibrated,
     )
     found = []
     with ProcessPoolExecutor(wanted.jobs) as pool:

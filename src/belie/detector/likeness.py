@@ -1,7 +1,7 @@
 """Whether a box that bears another name still shows the same object: its picture, where its corners do not last.
 
-It says that the object under a box is the same; that an object without a box is there, it cannot say well enough. Over the
-places where walking people had been, it would have vouched for a shadow on a crossing once in five minutes.
+That the object under a box is the same, it can say; that an object without a box is still there, not well enough: over
+places where walking people had been, it vouched for the shadow on a crossing once in some minutes.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Likeness:
         return self._other / self._count_other
 
     def learn(self, stack: ImageStack, box_px: FloatArray) -> None:
-        """The object is there: how well does it fit, and how well would what is beside it?"""
+        """Take its picture anew; how well did the last one fit, and how well what is beside the object."""
         self.evidence = 0.0
         if self.picture is not None:
             self._same += best_match(stack, self.picture, box_px)

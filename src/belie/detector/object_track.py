@@ -90,7 +90,9 @@ class ObjectTrack:
         )
         self.motion, self.view, self.told_px = motion, motion.view, None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
-        leads = self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
+        leads = (
+            self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
+        )
         if motion.error_px2 is not None and leads:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
@@ -134,7 +136,7 @@ class ObjectTrack:
         growth = np.tile(
             (self.box_px[2:] - self.box_px[:2]) / np.maximum(own_then[2:] - own_then[:2], 1.0), 2
         )
-        # Corrections that come late add up before they are seen to work: half of each, then, as for well-followed objects.
+        # Corrections that come late add up before they are seen to work: half of each, as for well-followed objects.
         is_late = bool(self.history) and stamp_ns < self.history[-1][0]
         weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
         self._learn_speed(box_then_px, stamp_ns)

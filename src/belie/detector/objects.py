@@ -38,7 +38,10 @@ _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
-_BY_CORNERS = ("too few corners", "occluded or gone")  # reasons to doubt a new name that its whole picture may refute
+_BY_CORNERS = (
+    "too few corners",
+    "occluded or gone",
+)  # reasons to doubt a new name that its whole picture may refute
 _RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
 
 
@@ -125,6 +128,17 @@ class ObjectStream:
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
 
+    def habits(self) -> dict[str, float]:
+        """How often this detector was seen to err, for how long, and in how many messages about objects."""
+        missed, named = self._missed, self._misnamed
+        interval_s = max(self.interval_s, 1e-3)
+        return {
+            "miss_rate": missed.share(),
+            "confusion_rate": named.share(),
+            "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
+            "messages": missed.stream.right + missed.stream.begun + missed.stream.lasted,
+        }
+
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
         if box is None:
@@ -205,7 +219,10 @@ class ObjectStream:
         if track.phantom == 0.0:
             track.phantom_since_ns = stamp_ns
         track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
-        track.is_phantom = track.phantom >= self._threshold("injection") * (0.5 if track.is_phantom else 1.0)
+        # What a detector imagines by itself is short and unsure.
+        track.is_phantom = track.weight >= self.settings.established and track.phantom >= self._threshold(
+            "injection"
+        ) * (0.5 if track.is_phantom else 1.0)
 
     def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
         if len(self.tracks) >= self.settings.most_objects:
@@ -364,6 +381,10 @@ class ObjectStage:
             for track in stream.tracks
         )
 
+    def habits(self) -> dict[str, dict[str, float]]:
+        """How each detector errs, by source."""
+        return {source: stream.habits() for source, stream in self.streams.items()}
+
     def take(self, claims: tuple[Claim, ...], now_ns: int) -> None:
         """Keep the messages until their frame has come; not those of a broken clock."""
         for claim in claims:
@@ -431,7 +452,6 @@ def _there(track: ObjectTrack) -> str:
     error = track.motion.error_px2 if track.motion is not None else None
     fit = "" if error is None else f", e^L {error:.2f} px²"
     if track.is_soft and track.likeness.evidence > 0.0:
-        return (
-            f"its picture is still there (correlation {track.likeness.score:.2f}, {track.likeness.beside:.2f} beside it)"
-        )
+        likeness = track.likeness
+        return f"the picture fits (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
     return f"{track.proven} of {track.corners_then} corners on it move on as one{fit}"

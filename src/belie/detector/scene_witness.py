@@ -103,7 +103,8 @@ class SceneWitness:
             return none, none
         xy, rho, _ = self._scene
         low, high = self._undistorted(track.told_px.reshape(2, 2) - 0.5)
-        xy, rho = (part[((xy > low) & (xy < high)).all(axis=1) & (rho > 0.0)] for part in (xy, rho))
+        inside = np.asarray(((xy > low) & (xy < high)).all(axis=1) & (rho > 0.0))
+        xy, rho = xy[inside], rho[inside]
         points = np.column_stack([xy, np.ones(len(xy))]) / rho[:, None]
         points_then = (poses[then].inverse() @ poses[self.frame]).apply(points)
         ahead = points_then[:, 2] > _NEAREST * points[:, 2]
@@ -128,7 +129,10 @@ class SceneWitness:
         error = _TILT * float(self._ground.coefficients[1])
         found: list[float] = []
         if foot > 0.0:
-            on_ground = background_evidence(depth, deviation, self._ground.at(xy), foot)
+            # At the horizon the ground is as far as what drives along with the camera, or the sky.
+            ground = self._ground.at(xy)
+            below = ground > error
+            on_ground = background_evidence(depth[below], deviation[below], ground[below], foot)
             if on_ground is not None:
                 found.append(on_ground)
         wall = self._wall(track.box_px)

@@ -1,7 +1,7 @@
 """Whether a box shows the same small or soft object as before: by its picture as a whole.
 
-Corners of a walking pedestrian of 40 px live no longer than an image or two. Its picture, at a size of 16 px, correlates
-well with the next one, and badly with what is beside it; both are measured for each object as it goes.
+Corners of a walking pedestrian of 40 px live no longer than an image or two. Its picture, at a size of 16 px,
+correlates well with the next one, and badly with what is beside it; both are measured for each object as it goes.
 """
 
 from __future__ import annotations

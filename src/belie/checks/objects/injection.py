@@ -20,8 +20,8 @@ _MODEL = 0.08  # of the depth: a road's camber, a wall's relief
 _MOST_A_CORNER = 1.5  # nats
 _MOST_A_MESSAGE = 6.0  # nats: corners of one box share their errors
 _LEAST_CORNERS = 5
-# Of the corners in its middle, a quarter of those of a true box are the background's (a gap, a window, an edge) or lost,
-# and a tenth of those of a phantom ride with it by chance.
+# Of the corners in its middle, a quarter of those of a true box are the background's (a gap, a window, an edge) or
+# lost, and a tenth of those of a phantom ride with it by chance.
 _PASSES, _RIDES = 1.3, 2.0  # nats: log(0.9 / 0.25), log(0.75 / 0.1)
 _DECIDED = 0.75  # share of the corners that must have been explained at all
 
