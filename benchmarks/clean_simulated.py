@@ -102,10 +102,11 @@ class KeptPictures:
         self, world: World, rendered: Rendered, camera: CameraModel, t_s: float, T_world_body: SE3
     ) -> tuple[ObjectLabel, ...]:
         """The labels of the picture that was just shown."""
-        return tuple(_label(entry) for entry in json.loads(next(self._lines))["objects"])
+        return tuple(label_of(entry) for entry in json.loads(next(self._lines))["objects"])
 
 
-def _label(entry: Mapping[str, Any]) -> ObjectLabel:
+def label_of(entry: Mapping[str, Any]) -> ObjectLabel:
+    """The label that a line of the truth tells."""
     length, width, height = entry["dimensions_m"]
     return ObjectLabel(
         id=entry["id"],

@@ -15,6 +15,7 @@ import numpy as np
 
 from belie.detector import Config
 from belie.evaluation.calibrate_noise import learn_noise
+from belie.evaluation.calibrate_objects import learn_habits
 from belie.evaluation.calibrate_part import TeachingPart, changed
 from belie.evaluation.calibrate_thresholds import learn_thresholds
 from belie.evaluation.intervals import poisson_upper
@@ -109,6 +110,10 @@ def calibrate(
         raise ValueError("at least one recording is needed")
     advance = on_frame or (lambda: None)
     parts = [TeachingPart.of(recording) for recording in recordings]
+    if config.profile == "default":
+        config, habits = learn_habits(parts, config, advance)
+    else:
+        habits = {}
     judge = changed(config, {("profile",): "default"})
     for recording in recordings:
         _require_no_alerts(run_detector(recording, judge, on_verdict=lambda _: advance()))
@@ -122,7 +127,7 @@ def calibrate(
         _require_proof(run, part.until_ns)
     return Calibration(
         config=calibrated,
-        notes=notes,
+        notes={**habits, **notes},
         learnt_s=sum(part.learnt_s for part in parts),
         held_out_s=sum(part.held_out_s for part in parts),
         largest_ratio=ratios,
