@@ -115,7 +115,8 @@ class LiveSession:
     def _subscribe(self, choice: ros.Choice) -> None:
         subscribe = self._transport.subscribe
         subscribe(TF_STATIC, ros.TRANSFORMS, self._receive, latched=True, depth=_LATCHED_DEPTH)
-        for topic in choice.all:
+        # Images last: who sees that we listen to them may begin.
+        for topic in reversed(choice.all):
             depth = _IMAGE_DEPTH if topic is choice.image else _CLAIM_DEPTH
             subscribe(topic.name, topic.message_type, self._receive, latched=False, depth=depth)
 

@@ -21,6 +21,7 @@ from belie.types import RecordingError
 _BAGS: tuple[BagFormat, ...] = ("ros2-mcap", "ros2-sqlite3", "ros1")
 _ROLES = ("image", "camera_info", "odometry", "position", "imu", "detections", "tf")
 _NAP_S = 0.05
+_OTHERS_S = 3.0  # topics that nobody wants are not waited for longer than this
 
 
 def messages_of(recording: Recording, stack: ExitStack, used_only: bool = False) -> Iterator[Received]:
@@ -127,20 +128,24 @@ class Player:
                 latched = topic == TF_STATIC
                 self._publishers[topic] = self._transport.advertise(topic, message_type, latched=latched)
 
-    def wait_for_subscribers(self, topic: str, count: int, timeout_s: float) -> None:
-        """Wait until somebody listens.
+    def wait_for_subscribers(self, image: str, others: list[str], count: int, timeout_s: float) -> None:
+        """Wait until somebody listens to the images, and a little longer for the other topics.
 
         Raises
         ------
         RecordingError
             If nobody does.
         """
+        listening = self._transport.subscribers
         deadline_s = time.monotonic() + timeout_s
-        while self._transport.subscribers(topic) < count and not self._stopped():
+        while listening(image) < count and not self._stopped():
             if time.monotonic() > deadline_s:
                 raise RecordingError(
-                    f"nobody subscribed to {topic} within {timeout_s:g} s; is belie live running?"
+                    f"nobody subscribed to {image} within {timeout_s:g} s; is belie live running?"
                 )
+            time.sleep(_NAP_S)
+        deadline_s = time.monotonic() + _OTHERS_S
+        while time.monotonic() < deadline_s and any(listening(topic) == 0 for topic in others):
             time.sleep(_NAP_S)
 
     def play(self, messages: Iterator[Received]) -> None:

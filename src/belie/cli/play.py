@@ -68,8 +68,10 @@ def play(
                 messages = messages_of(recording, stack)
                 player.advertise(types_of(recording))
                 if wait:
-                    images = [s.topic for s in recording.streams if s.role == "image" and s.used]
-                    player.wait_for_subscribers(images[0], wait, timeout_s=60.0)
+                    used = [stream for stream in recording.streams if stream.used]
+                    image_topic = next(stream.topic for stream in used if stream.role == "image")
+                    others = [stream.topic for stream in used if stream.topic != image_topic]
+                    player.wait_for_subscribers(image_topic, others, wait, timeout_s=60.0)
                 player.play(messages)
             if not loop or stopped:
                 break
