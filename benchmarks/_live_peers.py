@@ -17,7 +17,6 @@ import psutil
 from belie.bridges.settings import DdsSettings
 from belie.bridges.transports.dds import DdsTransport
 from belie.bridges.wire import Received
-from belie.recordings.messages import STORE
 
 BELIE = [sys.executable, "-c", "from belie.cli.main import app; app()"]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -90,11 +89,6 @@ class Observer:
     def _note(self, message: Received) -> None:
         seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
         self.answered_ns.setdefault(seconds * 1_000_000_000 + nanoseconds, message.received_ns)
-
-
-def alert_names(data: bytes) -> list[str]:
-    """Names of the alerts in a message on /belie/alerts."""
-    return [status.name for status in STORE.deserialize_cdr(data, DIAGNOSTICS).status]
 
 
 @contextmanager

@@ -69,8 +69,11 @@ class FakeTransport:
     def faults(self) -> dict[str, str]:
         return dict(self.wrong)
 
-    def close(self) -> None:
+    def reset(self) -> None:
         self.handlers.clear()
+
+    def close(self) -> None:
+        self.reset()
 
     def send(self, topic: str, data: bytes, received_ns: int | None = None) -> None:
         for message_type, receive in list(self.handlers.get(topic, ())):

@@ -87,6 +87,13 @@ def test_dds(attacked, answers_of_check, start, tmp_path):
     evidence, out = tmp_path / "evidence", tmp_path / "live.jsonl"
     options = ["--config", str(config), "--json", str(out), "--evidence", str(evidence), *network]
     live = start([*BELIE, "live", "dds", *options], "live")
+    live.wait_for("waiting")
+    good = config.read_text()
+    config.write_text(good + "frame = 3\n")
+    live.popen.send_signal(signal.SIGHUP)
+    live.wait_for("reload refused")
+    config.write_text(good)
+    live.popen.send_signal(signal.SIGHUP)
     play = start([*BELIE, "play", str(attacked), "dds", *network, "--wait", "1"], "play")
     play.wait_for("played")
     assert wait_until(lambda: len(out.read_text().splitlines()) == len(answers_of_check))

@@ -174,6 +174,18 @@ def test_a_flood_on_a_claim_topic_is_bounded_and_counted(transport, robot):
         assert answered(session) > 10, "frames go on being answered"
 
 
+def test_a_reload_begins_a_new_session_on_the_same_transport(transport, robot, tmp_path):
+    path = tmp_path / "out.jsonl"
+    for turn in range(2):
+        with running(transport, robot, json=path) as session:
+            robot.introduce(transport)
+            robot.drive(transport, 0, 5)
+            assert wait_until(lambda session=session: answered(session) == 5)
+            session.request("reload")
+        assert not transport.handlers, "nobody listens for a session that is over"
+        assert len(path.read_text().splitlines()) == 5 * (turn + 1)
+
+
 @pytest.mark.parametrize("jump_s", [-100.0, 100.0])
 def test_a_clock_jump_begins_the_watch_anew(transport, robot, jump_s):
     with running(transport, robot) as session:

@@ -38,6 +38,8 @@ class LiveSession:
         All settings.
     json : Path, optional
         Where the lines of ``belie check --json`` go.
+    dashboard : bool
+        Draw the state on the terminal.
     on_event : callable
         Is told what happens, a line at a time.
     """
@@ -48,9 +50,11 @@ class LiveSession:
         settings: LiveSettings,
         *,
         json: Path | None = None,
+        dashboard: bool = False,
         on_event: Callable[[str], None],
     ) -> None:
         self._transport, self._settings, self._json = transport, settings, json
+        self._dashboard = dashboard
         self._on_event = on_event
         self._requested: Outcome | None = None
         self._choice: ros.Choice | None = None
@@ -98,6 +102,7 @@ class LiveSession:
             picture=self.picture,
             choice=choice,
             json=self._json,
+            dashboard=self._dashboard,
             on_event=self._on_event,
         )
         introduction = Introduction(choice, info_by_name=self._settings.topics.camera_info is not None)
@@ -111,6 +116,7 @@ class LiveSession:
         intake.wake()
         worker.join(_STOP_S)
         self._close_sinks()
+        self._transport.reset()
 
     def _subscribe(self, choice: ros.Choice) -> None:
         subscribe = self._transport.subscribe

@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from belie.bridges.introduction import TF_STATIC
 from belie.bridges.wire import Publisher, Received, Transport, now_ns
-from belie.recordings import Recording, write_mcap
+from belie.recordings import Recording, open_recording, write_mcap
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
 from belie.recordings.storage import BagFormat, OpenBag, opened
@@ -24,38 +23,30 @@ _NAP_S = 0.05
 _OTHERS_S = 3.0  # topics that nobody wants are not waited for longer than this
 
 
-def messages_of(recording: Recording, stack: ExitStack, used_only: bool = False) -> Iterator[Received]:
-    """The messages of a recording as CDR in order of receipt; folders and videos are written as a bag first.
+def as_bag(recording: Recording, stack: ExitStack) -> Recording:
+    """The recording itself if it is a bag; a folder or video is written as one that `stack` removes again."""
+    if recording.format in _BAGS:
+        return recording
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="belie-play-")))
+    path = folder / "play.mcap"
+    write_mcap(
+        path, recording, cameras=recording.cameras, body_axes=recording.body_axes, image_encoding="mono8"
+    )
+    return open_recording(path)
+
+
+def messages_of(recording: Recording, stack: ExitStack) -> Iterator[Received]:
+    """The messages of a bag that play a part for belie, as CDR in order of receipt.
 
     Parameters
     ----------
     recording : Recording
-        What to read.
+        A bag; see `as_bag`.
     stack : ExitStack
         Holds what must stay open while the messages are read.
-    used_only : bool
-        Leave out topics that ``belie check`` would not use.
     """
-    path, kind = recording.path, recording.format
-    roles = {stream.topic: stream for stream in recording.streams}
-    if kind not in _BAGS:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="belie-play-")))
-        path, kind = folder / "play.mcap", "ros2-mcap"
-        write_mcap(
-            path, recording, cameras=recording.cameras, body_axes=recording.body_axes, image_encoding="mono8"
-        )
-        roles = {}
-    bag = stack.enter_context(opened(path, next(known for known in _BAGS if known == kind)))
-    wanted = [
-        connection.topic
-        for connection in bag.connections
-        if not roles
-        or (
-            roles[connection.topic].role in _ROLES
-            and (roles[connection.topic].used or roles[connection.topic].role == "tf" or not used_only)
-        )
-    ]
-    return _as_cdr(bag, wanted)
+    kind = next(known for known in _BAGS if known == recording.format)
+    return _as_cdr(stack.enter_context(opened(recording.path, kind)), list(types_of(recording)))
 
 
 def _as_cdr(bag: OpenBag, topics: list[str]) -> Iterator[Received]:
@@ -179,10 +170,9 @@ class Player:
 
 
 def types_of(recording: Recording) -> dict[str, str]:
-    """Topics of a bag that `messages_of` plays, with their types; empty for folders and videos."""
-    if recording.format not in _BAGS:
-        return {}
-    found: dict[str, Any] = {
-        stream.topic: stream.message_type for stream in recording.streams if stream.role in _ROLES
+    """Topics of a bag that `messages_of` plays, with their types as ROS 2 names them."""
+    return {
+        stream.topic: stream.message_type.replace("tf/msg/tfMessage", ros.TRANSFORMS)
+        for stream in recording.streams
+        if stream.role in _ROLES
     }
-    return found

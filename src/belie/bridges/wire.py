@@ -106,6 +106,10 @@ class Transport(Protocol):
         """What is wrong with a topic's link (QoS that does not match …), by topic."""
         ...
 
+    def reset(self) -> None:
+        """Drop all subscriptions and topics of ours, for a session that begins anew."""
+        ...
+
     def close(self) -> None:
         """Leave the network; no message is handed on afterwards."""
         ...

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +15,6 @@ from belie.cli.errors import ALERT_RAISED
 from belie.cli.options import CameraInfo, Detections, FalseAlarms, Image, Imu, Odometry, Position, Profile
 
 if TYPE_CHECKING:
-    from belie.bridges.live import LiveSession
     from belie.bridges.settings import LiveSettings
 
 
@@ -84,6 +81,9 @@ def live(
             "--evidence", metavar="FOLDER", help="Keep a bag of what was received around each alert."
         ),
     ] = None,
+    tui: Annotated[
+        bool, typer.Option("--tui", help="Draw streams, verdicts and alerts on the terminal.")
+    ] = False,
     domain: Domain = None,
     interface: Interface = None,
     endpoint: Endpoint = None,
@@ -141,24 +141,31 @@ def live(
         if list_topics:
             _print_offers(transport, settings)
             return
-        raised = _sessions(transport, read, settings, json)
+        raised = _sessions(transport, read, settings, json, tui)
     finally:
         transport.close()
     if raised:
         raise typer.Exit(ALERT_RAISED)
 
 
-def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | None) -> bool:
+def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | None, tui: bool) -> bool:
     """Sessions one after another, a new one at every SIGHUP; True where an alert was raised."""
     from belie.bridges.live import LiveSession
     from belie.types import ConfigError
 
     raised = False
+    if json is not None and json != Path("-"):
+        json.write_text("", encoding="utf-8")  # sessions append
+    session = LiveSession(transport, settings, json=json, dashboard=tui, on_event=say)
+
+    def ask(number: int, _: Any) -> None:
+        session.request("reload" if number == signal.SIGHUP else "stop")
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, ask)
+    notify("READY=1")
     while True:
-        session = LiveSession(transport, settings, json=json, on_event=say)
-        with _signals(session):
-            notify("READY=1")
-            outcome = session.run()
+        outcome = session.run()
         board = session.board
         raised = raised or bool(board.raised)
         frames, dropped = sum(board.statuses.values()), sum(one.dropped for one in session.picture().inputs)
@@ -171,23 +178,7 @@ def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | No
             settings = read()
         except ConfigError as error:
             say(f"reload refused, the old settings stay: {error}")
-
-
-@contextmanager
-def _signals(session: LiveSession) -> Iterator[None]:
-    previous = {
-        number: signal.signal(number, lambda *_, outcome=outcome: session.request(outcome))
-        for number, outcome in (
-            (signal.SIGINT, "stop"),
-            (signal.SIGTERM, "stop"),
-            (signal.SIGHUP, "reload"),
-        )
-    }
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        session = LiveSession(transport, settings, json=json, dashboard=tui, on_event=say)
 
 
 def say(text: str) -> None:

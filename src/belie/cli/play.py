@@ -46,7 +46,7 @@ def play(
       belie play kitti/00 dds --rate 0.5 --interface lo
       belie play drive.mcap ros1 --remap /odom:=/robot/odom
     """  # noqa: D301 (\b keeps the lines of the examples)
-    from belie.bridges.player import Player, messages_of, types_of
+    from belie.bridges.player import Player, as_bag, messages_of, types_of
     from belie.bridges.transports.opening import TransportName, open_transport
     from belie.cli.live import network_flags, pairs_of, settings_of
     from belie.recordings import open_recording
@@ -56,26 +56,25 @@ def play(
         **network_flags(domain, interface, endpoint, master),
     }
     settings = settings_of(config, flags)
-    recording = open_recording(source, image=image, camera_info=camera_info)
+    found = open_recording(source, image=image, camera_info=camera_info)
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopped.append(number))
-    transport = open_transport(TransportName(middleware.value), settings)
-    try:
+    with ExitStack() as whole:
+        recording = as_bag(found, whole)
+        transport = open_transport(TransportName(middleware.value), settings)
+        whole.callback(transport.close)
         player = Player(transport, rate=rate, restamp=restamp, stopped=lambda: bool(stopped))
-        while True:
+        player.advertise(types_of(recording))
+        if wait:
+            used = [stream for stream in recording.streams if stream.used]
+            image_topic = next(stream.topic for stream in used if stream.role == "image")
+            others = [stream.topic for stream in used if stream.topic != image_topic]
+            player.wait_for_subscribers(image_topic, others, wait, timeout_s=60.0)
+        while not stopped:
             with ExitStack() as stack:
-                messages = messages_of(recording, stack)
-                player.advertise(types_of(recording))
-                if wait:
-                    used = [stream for stream in recording.streams if stream.used]
-                    image_topic = next(stream.topic for stream in used if stream.role == "image")
-                    others = [stream.topic for stream in used if stream.topic != image_topic]
-                    player.wait_for_subscribers(image_topic, others, wait, timeout_s=60.0)
-                player.play(messages)
-            if not loop or stopped:
+                player.play(messages_of(recording, stack))
+            if not loop:
                 break
         time.sleep(_LINGER_S)
-    finally:
-        transport.close()
     print(f"played {player.sent} messages of {source}", file=sys.stderr)

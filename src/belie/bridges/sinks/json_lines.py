@@ -17,7 +17,7 @@ STDOUT = Path("-")
 
 
 class JsonLinesSink(SinkBase):
-    """Writes one line a frame; a disk that is slow or full delays no frame.
+    """Appends one line a frame; a disk that is slow or full delays no frame.
 
     Examples
     --------
@@ -31,7 +31,7 @@ class JsonLinesSink(SinkBase):
     def __init__(self, path: Path, board: Board, retry: RetrySettings) -> None:
         self._stack = ExitStack()
         self._out = (
-            sys.stdout if path == STDOUT else self._stack.enter_context(path.open("w", encoding="utf-8"))
+            sys.stdout if path == STDOUT else self._stack.enter_context(path.open("a", encoding="utf-8"))
         )
         self._outlet: Outlet[Verdict] = Outlet("json", self._write, retry, board.sink("json"))
 

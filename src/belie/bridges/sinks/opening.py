@@ -23,6 +23,7 @@ def open_sinks(
     picture: Callable[[], Picture],
     choice: ros.Choice,
     json: Path | None,
+    dashboard: bool,
     on_event: Callable[[str], None],
 ) -> list[Sink]:
     """Open every sink that is asked for.
@@ -72,4 +73,8 @@ def open_sinks(
         from belie.bridges.sinks.webhook import WebhookSink
 
         sinks.append(WebhookSink(settings.webhook, settings.retry, board))
+    if dashboard:
+        from belie.bridges.sinks.dashboard import DashboardSink
+
+        sinks.append(DashboardSink())
     return sinks

@@ -209,13 +209,19 @@ class DdsTransport:
         """QoS that does not match, by topic."""
         return dict(self._faults)
 
+    def reset(self) -> None:
+        """Drop subscriptions and topics of ours."""
+        while self._subscriptions:
+            self._waitset.detach(self._subscriptions.pop().condition)
+        self._writers.clear()
+        self._faults.clear()
+
     def close(self) -> None:
         """Leave the network."""
         self._stop.set()
         self._guard.set(True)
         self._thread.join(2.0)
-        self._subscriptions.clear()
-        self._writers.clear()
+        self.reset()
         self._topics.clear()
         del self._waitset, self._guard, self._publications, self._participant, self._domain
 

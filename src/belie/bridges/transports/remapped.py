@@ -61,6 +61,10 @@ class Remapped:
         """As below, by belie's names."""
         return {self._in.get(topic, topic): text for topic, text in self._transport.faults().items()}
 
+    def reset(self) -> None:
+        """As below."""
+        self._transport.reset()
+
     def close(self) -> None:
         """Leave the network."""
         self._transport.close()

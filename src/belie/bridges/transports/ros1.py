@@ -171,8 +171,15 @@ class Ros1Transport:
         """Types that do not match, by topic; the master, where it does not answer."""
         return dict(self._faults)
 
-    def close(self) -> None:
-        """Leave the network."""
+    def reset(self) -> None:
+        """Drop subscriptions and topics of ours."""
         for one in (*self._subscribers, *self._publishers.values()):
             one.unregister()
+        self._subscribers.clear()
+        self._publishers.clear()
+        self._faults.clear()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self.reset()
         self._rospy.signal_shutdown("belie stops")

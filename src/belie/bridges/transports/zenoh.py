@@ -190,6 +190,12 @@ class ZenohTransport:
         """Zenoh has no QoS that would not match."""
         return {}
 
+    def reset(self) -> None:
+        """Drop subscriptions and topics of ours; the one that finds publishers stays."""
+        while len(self._held) > 1:
+            self._held.pop().undeclare()
+        self._mine.clear()
+
     def close(self) -> None:
         """Leave the network."""
         self._held.clear()
