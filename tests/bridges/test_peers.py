@@ -35,6 +35,27 @@ threading.Event().wait()
 MASTER = "import sys, rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
 
 
+# A ROS 1 node as anybody writes it, with the messages that Debian generated: passes the odometry on, reads the alerts.
+NODE = """
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+rospy.init_node("relay")
+out = rospy.Publisher("/odom_relayed", Odometry, queue_size=100)
+def relay(message):
+    while out.get_num_connections() == 0:
+        rospy.sleep(0.01)
+    out.publish(message)
+rospy.Subscriber("/odom", Odometry, relay, queue_size=1000)
+def tell(message):
+    for status in message.status:
+        print("told:", status.name, status.level, flush=True)
+rospy.Subscriber("/belie/alerts", DiagnosticArray, tell)
+print("node up", flush=True)
+rospy.spin()
+"""
+
+
 def in_ci() -> bool:
     """CI installs every peer: there, a missing one is a failure and no reason to skip."""
     return os.environ.get("CI") == "true"
@@ -135,14 +156,20 @@ def test_ros1(attacked, answers_of_check, start, tmp_path):
     start(["/usr/bin/python3", "-c", MASTER, port], "master", env)
     time.sleep(2.0)
     out = tmp_path / "live.jsonl"
-    options = ["--config", str(live_config(tmp_path)), "--json", str(out)]
+    node = start(["/usr/bin/python3", "-c", NODE], "node", env)
+    node.wait_for("node up")
+    topics = ["--odometry", "/odom_relayed"]
+    options = ["--config", str(live_config(tmp_path)), "--json", str(out), *topics]
     live = start([*BELIE, "live", "ros1", *options], "live", env)
     live.wait_for("waiting")
     play = start([*BELIE, "play", str(attacked), "ros1", "--wait", "1"], "play", env)
     play.wait_for("played")
     assert wait_until(lambda: len(out.read_text().splitlines()) == len(answers_of_check)), live.said()
+    assert wait_until(lambda: "told: belie: position_spoofing /gnss/fix" in node.said()), node.said()
+    assert "told: belie: odometry_spoofing /odom_relayed 2" in node.said()
     assert live.stop(signal.SIGINT) == 1, live.said()
-    assert comparable(out.read_text().splitlines()) == answers_of_check
+    lines = out.read_text().replace("/odom_relayed", "/odom").splitlines()
+    assert comparable(lines) == answers_of_check
 
 
 def test_attack_on_a_running_robot(start, tmp_path):

@@ -20,7 +20,7 @@ from belie.types import RecordingError
 _BAGS: tuple[BagFormat, ...] = ("ros2-mcap", "ros2-sqlite3", "ros1")
 _ROLES = ("image", "camera_info", "odometry", "position", "imu", "detections", "tf")
 _NAP_S = 0.05
-_OTHERS_S = 3.0  # topics that nobody wants are not waited for longer than this
+_OTHERS_S = 5.0  # topics that nobody wants are not waited for longer than this
 
 
 def as_bag(recording: Recording, stack: ExitStack) -> Recording:
