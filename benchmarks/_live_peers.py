@@ -69,14 +69,16 @@ class Live:
         return float(times.user + times.system)
 
     def stop(self) -> tuple[int, int, float]:
-        """Stop it; frames answered, messages dropped, and how long it took [s]."""
+        """Stop it; frames answered, messages dropped or lost (both counted), and how long it took [s]."""
         began_s = time.monotonic()
         self._popen.send_signal(signal.SIGTERM)
         self._popen.wait(20.0)
-        found = re.search(r"stop: (\d+) frames answered, \d+ alerts, (\d+) messages dropped", self.said())
+        found = re.search(
+            r"stop: (\d+) frames answered, \d+ alerts, (\d+) messages dropped, (\d+) lost", self.said()
+        )
         if found is None:
             raise SystemExit(f"belie live did not end as it should:\n{self.said()}")
-        return int(found[1]), int(found[2]), time.monotonic() - began_s
+        return int(found[1]), int(found[2]) + int(found[3]), time.monotonic() - began_s
 
 
 class Observer:

@@ -48,6 +48,7 @@ class FakeTransport:
     offered: list[Offer] = field(default_factory=list)
     handlers: dict[str, list[tuple[str, Callable[[Received], None]]]] = field(default_factory=dict)
     published: dict[str, list[bytes]] = field(default_factory=dict)
+    missing: dict[str, int] = field(default_factory=dict)
     wrong: dict[str, str] = field(default_factory=dict)
 
     def offers(self) -> tuple[Offer, ...]:
@@ -67,6 +68,9 @@ class FakeTransport:
 
     def subscribers(self, topic: str) -> int:
         return len(self.handlers.get(topic, ()))
+
+    def lost(self) -> dict[str, int]:
+        return dict(self.missing)
 
     def faults(self) -> dict[str, str]:
         return dict(self.wrong)

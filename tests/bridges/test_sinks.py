@@ -122,7 +122,9 @@ def test_metrics_are_served_and_a_taken_port_is_told():
     board.note(answer(alert=True, status=Status.CONTRADICTED))
     board.fault(ODOM, "clock jump", "back by 3 s")
     inputs = (
-        Input(topic=ODOM, message_type="", received=7, dropped=2, age_s=0.5, rate_hz=10.0, silent=False),
+        Input(
+            topic=ODOM, message_type="", received=7, dropped=2, lost=1, age_s=0.5, rate_hz=10.0, silent=False
+        ),
     )
     address = f"127.0.0.1:{free_port()}"
     sink = MetricsSink(address, lambda: board.picture(inputs))

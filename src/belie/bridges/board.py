@@ -62,12 +62,16 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """One input as it stands; times in seconds, None where nothing has come yet."""
+    """One input as it stands; times in seconds, None where nothing has come yet.
+
+    `dropped` messages came and found belie late, `lost` ones never came.
+    """
 
     topic: str
     message_type: str
     received: int
     dropped: int
+    lost: int
     age_s: float | None
     rate_hz: float | None
     silent: bool

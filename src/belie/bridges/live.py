@@ -24,7 +24,8 @@ Outcome = Literal["stop", "reload"]
 _TICK_S = 0.1
 _LOOK_S = 1.0  # between two looks at what others publish
 _STOP_S = 1.5  # for the sinks; with the worker's last frame, less than the promised 2 s
-_IMAGE_DEPTH, _CLAIM_DEPTH, _LATCHED_DEPTH = 10, 1000, 100
+# What waits in the middleware while our threads get no processor: a second, so that drops happen where we count them.
+_IMAGE_DEPTH, _CLAIM_DEPTH, _LATCHED_DEPTH = 30, 1000, 100
 
 
 class LiveSession:
@@ -187,6 +188,7 @@ class LiveSession:
         if intake is None or choice is None:
             return ()
         now = now_ns()
+        lost = self._transport.lost()
         inputs = []
         for topic in choice.all:
             last_ns, period_ns = intake.last_ns.get(topic.name), intake.period_ns.get(topic.name)
@@ -200,6 +202,7 @@ class LiveSession:
                     message_type=topic.message_type,
                     received=intake.received[topic.name],
                     dropped=intake.dropped[topic.name],
+                    lost=lost.get(topic.name, 0),
                     age_s=age_s,
                     rate_hz=1e9 / period_ns if period_ns else None,
                     silent=silent,

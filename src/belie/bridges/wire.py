@@ -102,6 +102,10 @@ class Transport(Protocol):
         """How many listen to a topic of ours."""
         ...
 
+    def lost(self) -> Mapping[str, int]:
+        """How many messages of each topic the network lost, as far as the middleware tells."""
+        ...
+
     def faults(self) -> Mapping[str, str]:
         """What is wrong with a topic's link (QoS that does not match …), by topic."""
         ...

@@ -168,9 +168,10 @@ def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | No
         outcome = session.run()
         board = session.board
         raised = raised or bool(board.raised)
-        frames, dropped = sum(board.statuses.values()), sum(one.dropped for one in session.picture().inputs)
+        inputs = session.picture().inputs
         say(
-            f"{outcome}: {frames} frames answered, {sum(board.raised.values())} alerts, {dropped} messages dropped"
+            f"{outcome}: {sum(board.statuses.values())} frames answered, {sum(board.raised.values())} alerts, "
+            f"{sum(one.dropped for one in inputs)} messages dropped, {sum(one.lost for one in inputs)} lost"
         )
         if outcome == "stop":
             return raised

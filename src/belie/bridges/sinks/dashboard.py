@@ -35,7 +35,7 @@ def drawn_picture(picture: Picture) -> RenderableType:
 
 
 def _inputs(picture: Picture) -> Table:
-    table = Table("input", "rate [Hz]", "age [s]", "received", "dropped", expand=True, box=None)
+    table = Table("input", "rate [Hz]", "age [s]", "received", "dropped", "lost", expand=True, box=None)
     for one in picture.inputs:
         table.add_row(
             one.topic,
@@ -43,6 +43,7 @@ def _inputs(picture: Picture) -> Table:
             "never" if one.age_s is None else f"{one.age_s:.2f}",
             str(one.received),
             str(one.dropped),
+            str(one.lost),
             style="red" if one.silent else None,
         )
     return table

@@ -79,6 +79,7 @@ def input_status(one: Input, faults: list[tuple[str, str, int, bool]]) -> Any:
         ("rate [Hz]", None if one.rate_hz is None else f"{one.rate_hz:.1f}"),
         ("received", one.received),
         ("dropped", one.dropped),
+        ("lost", one.lost),
         *((kind, count) for kind, _, count, _ in faults),
     ]
     return status_message(level, f"belie: input {one.topic}", text, values)

@@ -100,10 +100,12 @@ class _BoardCollector:
             undecided.add_metric([reason], count)
         received = Counts("belie_received", "messages received", labels=["topic"])
         drops = Counts("belie_drops", "messages dropped because belie was late", labels=["topic"])
+        lost = Counts("belie_lost", "messages that the network lost, where it tells", labels=["topic"])
         age = Gauge("belie_input_age_seconds", "since the last message", labels=["topic"])
         for one in picture.inputs:
             received.add_metric([one.topic], one.received)
             drops.add_metric([one.topic], one.dropped)
+            lost.add_metric([one.topic], one.lost)
             if one.age_s is not None:
                 age.add_metric([one.topic], one.age_s)
         faults = Counts("belie_faults", "faults met, by input and kind", labels=["topic", "kind"])
@@ -114,4 +116,4 @@ class _BoardCollector:
             for outcome, count in counts.items():
                 sinks.add_metric([name, outcome], count)
         watching = Gauge("belie_watching", "1 while frames are being checked", value=float(picture.watching))
-        yield from (frames, alerts, undecided, received, drops, age, faults, sinks, watching)
+        yield from (frames, alerts, undecided, received, drops, lost, age, faults, sinks, watching)

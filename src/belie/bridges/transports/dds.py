@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,9 @@ _POLICY = {
     11: "reliability",
     23: "data representation",
 }  # numbers of the DDS specification
+
+# Ending a domain ends every participant in it: it lasts as long as the process.
+_DOMAINS: dict[int, Any] = {}
 
 
 def domain_xml(settings: DdsSettings) -> str:
@@ -92,15 +96,11 @@ class DdsTransport:
         except ImportError:
             raise MissingExtraError("cyclonedds", "live") from None
         self._settings = settings
-        self._domain: Any = None
-        if not os.environ.get("CYCLONEDDS_URI"):
+        if not os.environ.get("CYCLONEDDS_URI") and domain not in _DOMAINS:
             try:
-                self._domain = Domain(domain, domain_xml(settings))
+                _DOMAINS[domain] = Domain(domain, domain_xml(settings))
             except DDSException as error:
-                if (
-                    error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET
-                ):  # it is up in this process already
-                    raise TransportError(f"DDS domain {domain} cannot be set up: {error}") from None
+                raise TransportError(f"DDS domain {domain} cannot be set up: {error}") from None
         try:
             self._participant = DomainParticipant(domain)
         except DDSException as error:
@@ -115,6 +115,7 @@ class DdsTransport:
         self._subscriptions: list[_Subscription] = []
         self._writers: dict[str, Any] = {}
         self._faults: dict[str, str] = {}
+        self._lost: Counter[str] = Counter()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="belie-dds", daemon=True)
         self._thread.start()
@@ -184,7 +185,11 @@ class DdsTransport:
             policy = _POLICY.get(int(status.last_policy_id), f"policy {status.last_policy_id}")
             self._faults[topic] = f"a publisher of {topic} offers another {policy} than is asked for"
 
+        def lost(_: Any, status: Any) -> None:
+            self._lost[topic] += max(0, int(status.total_count_change))
+
         listener.set_on_requested_incompatible_qos(incompatible)
+        listener.set_on_sample_lost(lost)
         qos = self._qos(reliable=latched or self._settings.reliable, latched=latched, depth=depth)
         reader = DataReader(self._participant, entity, qos=qos, listener=listener)
         condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Alive)
@@ -205,6 +210,10 @@ class DdsTransport:
         writer = self._writers.get(topic)
         return 0 if writer is None else len(writer.get_matched_subscriptions())
 
+    def lost(self) -> Mapping[str, int]:
+        """Messages that were sent and never came, by topic."""
+        return dict(self._lost)
+
     def faults(self) -> Mapping[str, str]:
         """QoS that does not match, by topic."""
         return dict(self._faults)
@@ -223,7 +232,7 @@ class DdsTransport:
         self._thread.join(2.0)
         self.reset()
         self._topics.clear()
-        del self._waitset, self._guard, self._publications, self._participant, self._domain
+        del self._waitset, self._guard, self._publications, self._participant
 
     def _run(self) -> None:
         from cyclonedds.util import duration

@@ -57,6 +57,10 @@ class Remapped:
         """As below, under the other name."""
         return self._transport.subscribers(self._out.get(topic, topic))
 
+    def lost(self) -> Mapping[str, int]:
+        """As below, by belie's names."""
+        return {self._in.get(topic, topic): count for topic, count in self._transport.lost().items()}
+
     def faults(self) -> Mapping[str, str]:
         """As below, by belie's names."""
         return {self._in.get(topic, topic): text for topic, text in self._transport.faults().items()}

@@ -167,6 +167,10 @@ class Ros1Transport:
         publisher = self._publishers.get(topic)
         return 0 if publisher is None else int(publisher.get_num_connections())
 
+    def lost(self) -> Mapping[str, int]:
+        """TCP loses nothing on its way, and the middleware does not tell what it drops itself."""
+        return {}
+
     def faults(self) -> Mapping[str, str]:
         """Types that do not match, by topic; the master, where it does not answer."""
         return dict(self._faults)
