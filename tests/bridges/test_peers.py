@@ -113,9 +113,10 @@ def test_dds(attacked, answers_of_check, start, tmp_path):
     config.write_text(good + "frame = 3\n")
     live.popen.send_signal(signal.SIGHUP)
     live.wait_for("reload refused")
-    config.write_text(good)
+    config.write_text('metrics = "nowhere"\n' + good)
     live.popen.send_signal(signal.SIGHUP)
     play = start([*BELIE, "play", str(attacked), "dds", *network, "--wait", "1"], "play")
+    live.wait_for("the old ones stay: metrics 'nowhere'")  # told once topics are there, and sinks are opened
     play.wait_for("played")
     assert wait_until(lambda: len(out.read_text().splitlines()) == len(answers_of_check))
     began = time.monotonic()

@@ -15,6 +15,7 @@ from belie.cli.errors import ALERT_RAISED
 from belie.cli.options import CameraInfo, Detections, FalseAlarms, Image, Imu, Odometry, Position, Profile
 
 if TYPE_CHECKING:
+    from belie.bridges.live import LiveSession
     from belie.bridges.settings import LiveSettings
 
 
@@ -151,7 +152,7 @@ def live(
 def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | None, tui: bool) -> bool:
     """Sessions one after another, a new one at every SIGHUP; True where an alert was raised."""
     from belie.bridges.live import LiveSession
-    from belie.types import ConfigError
+    from belie.types import BelieError, ConfigError
 
     raised = False
     if json is not None and json != Path("-"):
@@ -164,22 +165,35 @@ def _sessions(transport: Any, read: Any, settings: LiveSettings, json: Path | No
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, ask)
     notify("READY=1")
+    proven: LiveSettings | None = None  # settings that a session has run with
     while True:
-        outcome = session.run()
-        board = session.board
-        raised = raised or bool(board.raised)
-        inputs = session.picture().inputs
-        say(
-            f"{outcome}: {sum(board.statuses.values())} frames answered, {sum(board.raised.values())} alerts, "
-            f"{sum(one.dropped for one in inputs)} messages dropped, {sum(one.lost for one in inputs)} lost"
-        )
-        if outcome == "stop":
-            return raised
         try:
-            settings = read()
-        except ConfigError as error:
-            say(f"reload refused, the old settings stay: {error}")
+            outcome = session.run()
+        except BelieError as error:
+            if proven is None:
+                raise
+            say(f"the new settings do not work, the old ones stay: {error}")
+            transport.reset()
+            settings, proven = proven, None
+        else:
+            proven = settings
+            _tell_end(session, outcome)
+            raised = raised or bool(session.board.raised)
+            if outcome == "stop":
+                return raised
+            try:
+                settings = read()
+            except ConfigError as error:
+                say(f"reload refused, the old settings stay: {error}")
         session = LiveSession(transport, settings, json=json, dashboard=tui, on_event=say)
+
+
+def _tell_end(session: LiveSession, outcome: str) -> None:
+    board, inputs = session.board, session.picture().inputs
+    say(
+        f"{outcome}: {sum(board.statuses.values())} frames answered, {sum(board.raised.values())} alerts, "
+        f"{sum(one.dropped for one in inputs)} messages dropped, {sum(one.lost for one in inputs)} lost"
+    )
 
 
 def say(text: str) -> None:
