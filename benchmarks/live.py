@@ -5,7 +5,8 @@ latency   a corridor as JPEG, 720p at 30 Hz and 1080p at 15 Hz, with odometry, I
 soak      a drive along a wall at 30 Hz (``--minutes 10``): slope of the resident set, and whether every frame is
           answered or counted as dropped
 restarts  the player is killed and started again, ten times: from its first image to the first answer
-attacks   the four attacks of the paper through ``belie attack --live``, on the bundled drive
+attacks   the four attacks of the paper through ``belie attack --live``, on the bundled drive, on the objects and for as
+          long as in ``belie demo`` (offline, too, ten frames without an object are not enough for the default profile)
 """
 
 from __future__ import annotations
@@ -76,8 +77,11 @@ def latency(arguments: argparse.Namespace) -> bool:
     for width, height, rate_hz in ((1280, 720, 30.0), (1920, 1080, 15.0)):
         with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
             folder = Path(name)
-            bag = folder / "drive.mcap"
-            corridor_bag(bag, width, height, rate_hz, arguments.frames, arguments.odometry)
+            bag = (
+                arguments.cache or folder
+            ) / f"corridor_{height}p_{arguments.frames}_{arguments.odometry}.mcap"
+            if not bag.exists():
+                corridor_bag(bag, width, height, rate_hz, arguments.frames, arguments.odometry)
             recording = open_recording(bag)
             parts = list(messages_of(recording, stack))
             live = Live(folder, DOMAIN)
@@ -247,7 +251,11 @@ def attacks(_: argparse.Namespace) -> bool:
     for spec, flag, expected in (
         ("paper-odometry:start=60", ["--odometry", "/odom_attacked"], "odometry_spoofing"),
         ("paper-position:start=60", ["--position", "/gnss/fix_attacked"], "position_spoofing"),
-        ("paper-hiding:start=40", ["--detections", "/detections_attacked"], "obstacle_hiding"),
+        (
+            "paper-hiding:object=1,start=30,stop=45",
+            ["--detections", "/detections_attacked"],
+            "obstacle_hiding",
+        ),
         (
             "paper-misclassification:start=40",
             ["--detections", "/detections_attacked"],
@@ -280,6 +288,7 @@ def main() -> int:
     parser.add_argument(
         "--odometry", choices=("noisy", "noisy50"), default="noisy50", help="at the frames, or at 50 Hz"
     )
+    parser.add_argument("--cache", type=Path, help="folder that keeps the corridors for the next run")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--restarts", type=int, default=10)
     arguments = parser.parse_args()
