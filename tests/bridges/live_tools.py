@@ -32,6 +32,7 @@ LIKE_CHECK = """
 [intake]
 frames = 1000
 claims = 100000
+awaited = ["odometry", "imu", "position", "detections"]
 settle_s = 0.5
 [join]
 reorder_window_ms = 3000

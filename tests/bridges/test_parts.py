@@ -255,7 +255,7 @@ def test_every_setting_is_printed_and_read_back(tmp_path):
     settings = parse_live_settings(tomllib.loads(result.output))
     assert settings.topics.odometry == "/odom"
     assert settings.detector.sequential.false_alarms_per_hour == 2.0
-    assert settings.join.patience_ms == 40.0
+    assert settings.join.patience_ms == 150.0
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,12 @@ class Pipeline:
         self._counts = JoinCounts()
         self._joiner = Joiner(settings.join, self._counts)
         self._punctuality = Punctuality(round(settings.join.patience_ms * 1e6))
+        parts = {role: getattr(self._choice, role) for role in ("odometry", "position", "imu", "detections")}
+        self._never_awaited = {
+            topic.name
+            for role, topic in parts.items()
+            if topic is not None and role not in settings.intake.awaited
+        }
         self._decoder = GrayDecoder(self._camera)
         self._topics = {topic.name: topic for topic in self._choice.claims}
         self._readers: dict[str, ClaimReader] = {}
@@ -175,7 +181,7 @@ class Pipeline:
         """The answers for the frames that need wait no longer at `clock_ns`."""
         if not self._joiner.frames:
             return
-        self._joiner.unawaited = self._punctuality.unpunctual()
+        self._joiner.unawaited = self._never_awaited | self._punctuality.unpunctual()
         for step in self._joiner.release(clock_ns):
             verdict = self._detector.update(step.frame, step.claims)
             yield Answer(verdict=verdict, frame=step.frame, decode_ms=step.decode_ms, answered_ns=now_ns())

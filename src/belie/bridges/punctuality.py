@@ -19,8 +19,8 @@ class _Record:
 class Punctuality:
     """For each stream, the share of frames whose claim came within the patience.
 
-    A slow stream (GNSS at 1 Hz) or a late one (a detector that needs 80 ms) would delay every frame by the whole
-    patience and still miss it; its claims travel with a later frame instead, and are judged at their own stamps.
+    A stream that is silent, or later than that, would delay every frame by the whole patience and still miss it; its
+    claims travel with a later frame instead.
 
     Examples
     --------

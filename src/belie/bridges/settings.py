@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -33,6 +33,11 @@ class IntakeSettings(Settings):
     frames: int = Field(1, description="[1] images waiting at most; the newest wins", ge=1)
     claims: int = Field(
         500, description="[1] messages of one claim topic waiting at most (1 kHz for half a second)", ge=1
+    )
+    awaited: tuple[Literal["odometry", "position", "imu", "detections"], ...] = Field(
+        ("odometry", "imu"),
+        description="streams whose claims a frame waits for, up to join.patience_ms: those that are compared at its "
+        "very stamp; the others are judged at their own stamps, with a later frame if need be",
     )
     start_frames: int = Field(
         16, description="[1] images kept while the first messages of the other topics are awaited", ge=1
@@ -151,13 +156,13 @@ class LiveSettings(Settings):
     Examples
     --------
     >>> LiveSettings().intake.frames, LiveSettings().join.patience_ms
-    (1, 40.0)
+    (1, 150.0)
     """
 
     topics: TopicSettings = TopicSettings()
     intake: IntakeSettings = IntakeSettings()
     # Offline, waiting costs nothing; here it is latency.
-    join: JoinSettings = JoinSettings(reorder_window_ms=0.0, patience_ms=40.0)
+    join: JoinSettings = JoinSettings(reorder_window_ms=0.0, patience_ms=150.0)
     answers: AnswerSettings = AnswerSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     metrics: str = Field("", description="HOST:PORT for Prometheus, e.g. 127.0.0.1:9464; '' for none")
