@@ -49,7 +49,7 @@ class Live:
         command = [*BELIE, "live", "dds", "--config", str(config), "--json", str(self.json), *network(domain)]
         self._popen = subprocess.Popen([*command, *flags], stderr=self._log.open("wb"))
         self.process = psutil.Process(self._popen.pid)
-        self.wait_for("waiting")
+        self.wait_for("start")
 
     def said(self) -> str:
         """All of its log."""

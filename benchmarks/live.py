@@ -43,6 +43,7 @@ DOMAIN = 60
 DEMO = Path(__file__).resolve().parents[1] / "src" / "belie" / "cli" / "demo_drive.mcap"
 GOAL_MS = 50.0
 SETTLED = 30  # frames: connections are made, noise is learned
+ENDING = 3  # frames that wait for claims which no longer come, for the drive is over
 
 
 def corridor_bag(path: Path, width: int, height: int, rate_hz: float, frames: int, variant: str) -> None:
@@ -109,7 +110,7 @@ def latency(arguments: argparse.Namespace) -> bool:
                     for t, s in sent_ns.items()
                     if t in observer.answered_ns
                 ]
-            )[SETTLED:]
+            )[SETTLED:-ENDING]
             verdicts = [json.loads(line) for line in live.json.read_text().splitlines()][SETTLED:]
             check_ms = np.median([v["latency_ms"] for v in verdicts])
             size_kb = np.mean([len(m.data) for m in parts if m.message_type == ros.COMPRESSED]) / 1e3

@@ -107,6 +107,8 @@ class Monitor:
         if self._pipeline is not None:
             self._intake.dropped[self._intake.image] += self._pipeline.waiting
         self._pipeline = None
+        for topic, kept in self._backlog.items():
+            self._intake.dropped[topic] += len(kept)
         self._backlog.clear()
 
     # -- one message ---------------------------------------------------------------------------------

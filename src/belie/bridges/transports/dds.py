@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import weakref
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -68,11 +69,15 @@ class _Subscription:
 
 
 class _DdsPublisher:
+    """Writes as long as its transport keeps the writer: the topic must end with the session that announced it."""
+
     def __init__(self, kind: Any, writer: Any) -> None:
-        self._kind, self._writer = kind, writer
+        self._kind, self._writer = kind, weakref.ref(writer)
 
     def publish(self, data: bytes) -> None:
-        self._writer.write(sample(self._kind, data))
+        writer = self._writer()
+        if writer is not None:
+            writer.write(sample(self._kind, data))
 
 
 class DdsTransport:
