@@ -99,6 +99,7 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
 
     Examples
     --------
+    >>> import numpy as np
     >>> from belie.types import Frame
     >>> class Silent:
     ...     def update(self, step):
