@@ -192,7 +192,7 @@ class InnovationGate:
         if claim.acceleration_m_s2 is None or not self._path:
             return None
         up = self._path[-1][1].R[2]  # of the frame of odometry, in body axes
-        return np.asarray(claim.acceleration_m_s2) - _GRAVITY_M_S2 * up
+        return np.asarray(np.asarray(claim.acceleration_m_s2) - _GRAVITY_M_S2 * up)
 
     def _pose(self, claim: PoseClaim) -> list[Alert]:
         """A pose as the motion since the last one: robot_localization's differential mode."""

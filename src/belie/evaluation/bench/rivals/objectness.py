@@ -1,9 +1,9 @@
 """An objectness check, in the manner of DetectorGuard: a detection must explain what looks like an object.
 
 DetectorGuard (Xiang, Mittal: "DetectorGuard: Provably Securing Object Detectors against Localized Patch Hiding
-Attacks", CCS 2021) has a classifier with small receptive fields say of every place in the image whether it looks like an
-object, joins such places to clusters, and accuses the detector of hiding where no box explains a cluster. Here a small network,
-trained on the simulator by `train`, judges cells of 8 px by the gradients of 3 x 3 of them.
+Attacks", CCS 2021) has a classifier with small receptive fields say of every place in the image whether it looks like
+an object, joins such places to clusters, and accuses the detector of hiding where no box explains a cluster. Here a
+small network, trained on the simulator by `train`, judges cells of 8 px by the gradients of 3 x 3 of them.
 """
 
 from __future__ import annotations
