@@ -105,6 +105,7 @@ def bench(
         return
     from belie.cli.settings import config_from_flags
     from belie.evaluation.bench.cache import CacheSettings
+    from belie.evaluation.bench.loops import loop_table
     from belie.evaluation.bench.page import write_outcome
     from belie.evaluation.bench.rivals import rival_maker
     from belie.evaluation.bench.run_reports import write_reports
@@ -121,7 +122,9 @@ def bench(
     with _bar(f"bench {Path(suite).stem}") as advance:
         outcome = run_suite(chosen, store, cache=kept, config=settings, jobs=jobs, on_progress=advance)
     records = store.load(outcome.keys)
-    summary = summarise(chosen, records, makers, outcome.failures)
+    summary = summarise(
+        chosen, records, makers, outcome.failures, loop_table(chosen.closed_loop, settings, store)
+    )
     links = write_reports(chosen, records, makers, store, kept.path(), reports)
     page = write_outcome(chosen, summary, records, makers, store, links)
     _print(summary)

@@ -65,8 +65,9 @@ class Measured:
         How many were judged.
     undecided : int
         Of these, how many had no answer.
-    latency_ms, decode_ms : tuple of float
-        Of every frame but the first few: of the update, and of decoding the image (not part of it).
+    latency_ms, decode_ms, seeing_ms : tuple of float
+        Of every frame but the first few: of the update, of decoding the image (not part of it), and of visual odometry
+        (part of it), where the detector tells.
     right_first : bool or None
         Whether the first alert within the attack named the right kind and source; None where there was none.
     exceeded : Exceedances
@@ -80,6 +81,7 @@ class Measured:
     undecided: int
     latency_ms: tuple[float, ...]
     decode_ms: tuple[float, ...]
+    seeing_ms: tuple[float, ...]
     right_first: bool | None
     exceeded: Exceedances
     table: FrameTable
@@ -109,12 +111,14 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
     1.0
     """
     table, verdicts = FrameTable(), list[Verdict]()
-    latency_ms, decode_ms = [], []
+    latency_ms, decode_ms, seeing_ms = [], [], []
     for verdict, step in _verdicts(steps, rival):
         table.add(verdict, step.decode_ms)
         verdicts.append(verdict)
         latency_ms.append(verdict.latency_ms)
         decode_ms.append(step.decode_ms)
+        if hasattr(rival, "seeing_ms"):
+            seeing_ms.append(float(rival.seeing_ms))
     scored = score(verdicts, labels)
     return Measured(
         score=scored,
@@ -122,6 +126,7 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
         undecided=sum(verdict.status is Status.UNDECIDED for verdict in verdicts),
         latency_ms=tuple(latency_ms[_SETTLING:]),
         decode_ms=tuple(decode_ms[_SETTLING:]),
+        seeing_ms=tuple(seeing_ms[_SETTLING:]),
         right_first=_right_first(scored),
         exceeded=exceedances(verdicts, labels),
         table=table,

@@ -12,10 +12,11 @@ from pathlib import Path
 from belie.detector import Config
 from belie.evaluation.bench.cache import CacheSettings, make_room
 from belie.evaluation.bench.cases import RecordingCase, RunCase, runs_of
+from belie.evaluation.bench.loops import Loop, loops_of
 from belie.evaluation.bench.rivals import RivalMaker, rival_maker
 from belie.evaluation.bench.store import Store
 from belie.evaluation.bench.suite import Suite
-from belie.evaluation.bench.worker import Task, run_task, start_worker
+from belie.evaluation.bench.worker import Task, run_loop, run_task, start_worker
 
 _MOST_ATTEMPTS = 2  # of a task whose process died
 _RUNS_A_TASK = 60  # so that what a failing process takes with it is little, and the bar moves
@@ -75,6 +76,8 @@ def run_suite(
     makers = {name: rival_maker(name, config) for name in suite.rivals}
     matrix = runs_of(suite)
     keys = [case.key(makers[case.rival].key) for _, cases in matrix for case in cases]
+    loops = loops_of(suite.closed_loop, config)
+    keys += [loop.key for loop in loops]
     store.open()
     store.forget_failures()
     done = set(store.finished(keys))
@@ -86,6 +89,10 @@ def run_suite(
     ]
     report = on_progress or (lambda settled, total: None)
     report(len(done), len(keys))
+    jobs = 1 if suite.alone else jobs
+    left = [loop for loop in loops if loop.key not in done]
+    if left:
+        _drive(left, jobs, lambda: report(store.settled(keys), len(keys)), store)
     if tasks:
         _run(tasks, jobs, lambda: report(store.settled(keys), len(keys)), store)
         make_room(folder, cache.limit_gb)
@@ -153,8 +160,22 @@ def _run(tasks: Sequence[Task], jobs: int, look: Callable[[], None], store: Stor
                 waiting.append(one)
 
 
+def _drive(loops: Sequence[Loop], jobs: int, look: Callable[[], None], store: Store) -> None:
+    """All closed loops."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=start_worker) as pool:
+        running = {pool.submit(run_loop, loop, store.folder): loop for loop in loops}
+        while running:
+            ready, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
+            look()
+            for future in ready:
+                loop, error = running.pop(future), future.exception()
+                if error is not None:
+                    store.fail(loop.name, loop.key, f"{type(error).__name__}: {error}")
+
+
 def _give_up(task: Task, store: Store, why: str) -> None:
     done = set(store.finished(key for _, key in task.runs))
     for case, key in task.runs:
         if key not in done:
-            store.fail(case, key, why)
+            store.fail(case.name, key, why)

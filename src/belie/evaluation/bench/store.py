@@ -62,8 +62,11 @@ class RunRecord:
         Seconds outside the attack.
     frames, undecided : int
         Judged, and left without an answer.
-    latency_ms, decode_ms : list of float
-        Frame by frame, the first few left out.
+    latency_ms, decode_ms, seeing_ms : list of float
+        Frame by frame, the first few left out: of the update; of decoding, apart; of visual odometry, part of the
+        update, where the detector tells.
+    size : str
+        Of the images.
     episodes, delays : dict
         See `belie.evaluation.bench.sweep.Exceedances`.
     """
@@ -95,12 +98,20 @@ class RunRecord:
     undecided: int = 0
     latency_ms: tuple[float, ...] = ()
     decode_ms: tuple[float, ...] = ()
+    seeing_ms: tuple[float, ...] = ()
+    size: str = ""
     episodes: dict[str, list[int]] | None = None
     delays: dict[str, list[int | None]] | None = None
 
 
 def record_of(
-    case: RunCase, key: str, found: Measured | None, labels: Iterable[AttackLabel], why_not: str = ""
+    case: RunCase,
+    key: str,
+    found: Measured | None,
+    labels: Iterable[AttackLabel],
+    *,
+    size: str = "",
+    why_not: str = "",
 ) -> RunRecord:
     """The record of a run that came to `found`, or of one that could not be tried, and why."""
     attack, recording = case.attack, case.recording
@@ -137,6 +148,8 @@ def record_of(
         undecided=found.undecided,
         latency_ms=tuple(round(x, 3) for x in found.latency_ms),
         decode_ms=tuple(round(x, 3) for x in found.decode_ms),
+        seeing_ms=tuple(round(x, 3) for x in found.seeing_ms),
+        size=size,
         episodes=found.exceeded.episodes,
         delays=found.exceeded.delay_frames,
     )
@@ -196,14 +209,22 @@ class Store:
         (self.runs / f"{record.key}.failed.json").unlink(missing_ok=True)
         _write_json(self.runs / f"{record.key}.json", asdict(record))
 
-    def fail(self, case: RunCase, key: str, error: str) -> None:
+    def fail(self, name: str, key: str, error: str) -> None:
         """Note that a run failed, and why."""
-        _write_json(self.runs / f"{key}.failed.json", {"key": key, "run": case.name, "error": error})
+        _write_json(self.runs / f"{key}.failed.json", {"key": key, "run": name, "error": error})
+
+    def loop_path(self, key: str) -> Path:
+        """Where the outcome of a closed loop is kept."""
+        return self.runs / f"{key}.loop.json"
+
+    def save_loop(self, key: str, outcome: dict[str, Any]) -> None:
+        """Keep the outcome of a closed loop."""
+        _write_json(self.loop_path(key), outcome)
 
     def finished(self, keys: Iterable[str]) -> list[str]:
         """Those of the keys whose runs need not run again."""
         there = {path.name for path in self.runs.glob("*.json")} if self.runs.is_dir() else set[str]()
-        return [key for key in keys if f"{key}.json" in there]
+        return [key for key in keys if f"{key}.json" in there or f"{key}.loop.json" in there]
 
     def settled(self, keys: Iterable[str]) -> int:
         """How many of the keys have finished or failed."""

@@ -102,6 +102,7 @@ class Suite(Settings):
     objects: bool = Field(
         True, description="whether detections are judged; a suite on motion alone runs faster"
     )
+    alone: bool = Field(False, description="whether to use one process only, so that timings mean something")
     drives: tuple[Drives, ...] = ()
     real: tuple[Real, ...] = ()
     attacks: tuple[Attacks, ...] = ()

@@ -64,6 +64,7 @@ def summarise(
     records: Sequence[RunRecord],
     makers: Mapping[str, RivalMaker],
     failures: Sequence[tuple[str, str]] = (),
+    closed_loop: Table | None = None,
 ) -> Summary:
     """The tables of a suite, of what has finished.
 
@@ -81,6 +82,7 @@ def summarise(
         *_when(any(r.spec for r in tried), lambda: delay_table(suite, tried)),
         *_when(_sweeps(suite), lambda: smallest_table(suite, tried, makers)),
         *_when(any(g.ramp for g in suite.attacks), lambda: stealth_table(suite, tried, makers)),
+        *([closed_loop] if closed_loop else []),
         *_when(bool(tried), lambda: latency_table(suite, tried)),
     ]
     first = suite.rivals[0]
@@ -272,15 +274,19 @@ def latency_table(suite: Suite, records: Sequence[RunRecord]) -> Table:
     rows = []
     for rival in suite.rivals:
         own = [r for r in records if r.rival == rival]
-        for name, part in (*_by(own, lambda r: r.place), *([("all", own)] if own else [])):
+        for name, part in _by(own, lambda r: f"{r.place} {r.size}"):
             decode = [ms for r in part for ms in r.decode_ms]
-            rows.append((rival, name, _p50_p95(part), f"{median(decode):.1f}" if decode else NOTHING))
+            seeing = [ms for r in part for ms in r.seeing_ms]
+            rows.append(
+                (rival, name, _p50_p95(part), _median(seeing) if any(seeing) else NOTHING, _median(decode))
+            )
     return Table(
         title="Latency",
-        note="Milliseconds a frame, p50 / p95, and p50 of decoding, apart. Where several processes share "
+        note="Milliseconds a frame, p50 / p95; p50 of visual odometry, part of it, and of decoding, "
+        "apart. Where several processes share "
         "the machine, as in all "
         "suites but latency, figures are too high.",
-        head=("detector", "where", "p50 / p95", "decoding"),
+        head=("detector", "where", "p50 / p95", "of it seeing", "decoding"),
         rows=tuple(rows),
     )
 
@@ -337,6 +343,10 @@ def _attacked_s(record: RunRecord) -> float:
 def _p50_p95(records: Iterable[RunRecord]) -> str:
     values = [ms for r in records for ms in r.latency_ms]
     return f"{np.percentile(values, 50):.1f} / {np.percentile(values, 95):.1f}" if values else NOTHING
+
+
+def _median(values: Sequence[float]) -> str:
+    return f"{median(values):.1f}" if values else NOTHING
 
 
 def _hourly(count: float, seconds: float) -> str:

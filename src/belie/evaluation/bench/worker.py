@@ -9,6 +9,7 @@ from pathlib import Path
 from belie.attacks import AttackLabel, attack
 from belie.detector import Config
 from belie.evaluation.bench.cases import RecordingCase, RunCase
+from belie.evaluation.bench.loops import Loop, drive
 from belie.evaluation.bench.measure import Measured, measure
 from belie.evaluation.bench.memory import MemoryRecording
 from belie.evaluation.bench.recorded import load
@@ -60,14 +61,14 @@ def run_task(task: Task) -> None:
         raise
     except Exception as error:
         for case, key in task.runs:
-            store.fail(case, key, _line(error))
+            store.fail(case.name, key, _line(error))
         return
     for case, key in task.runs:
         try:
             maker = rival_maker(case.rival, task.config)
             _run(case, key, maker, seen, store)
         except Exception as error:
-            store.fail(case, key, _line(error))
+            store.fail(case.name, key, _line(error))
 
 
 def _load(task: Task) -> _Seen:
@@ -80,17 +81,17 @@ def _load(task: Task) -> _Seen:
 def _run(case: RunCase, key: str, maker: RivalMaker, seen: _Seen, store: Store) -> None:
     if case.attack is None:
         found = _measured(maker, seen, seen.frames, camera=False)
-        store.save(record_of(case, key, found, ()), found.table)
+        store.save(record_of(case, key, found, (), size=_size(seen)), found.table)
         return
     try:
         attacked = attack(seen.frames, case.attack.spec)
         labels = attacked.labels
     except AttackError as error:
-        store.save(record_of(case, key, None, (), str(error)), None)
+        store.save(record_of(case, key, None, (), why_not=str(error)), None)
         return
     frames = MemoryRecording(name=case.name, cameras=seen.frames.cameras, joined=tuple(attacked.steps()))
     found = _measured(maker, seen, frames, camera=labels[0].stream == "camera", labels=labels)
-    store.save(record_of(case, key, found, labels), found.table)
+    store.save(record_of(case, key, found, labels, size=_size(seen)), found.table)
 
 
 def _measured(
@@ -113,6 +114,22 @@ def _measured(
     if isinstance(rival, BelieRival) and rival.sights is not None and not camera:
         seen.sights, seen.of = rival.sights, maker.key
     return found
+
+
+def run_loop(loop: Loop, folder: Path) -> None:
+    """Drive one closed loop; a failure is noted."""
+    store = Store(folder)
+    try:
+        drive(loop, store)
+    except (MissingExtraError, ConfigError):
+        raise
+    except Exception as error:
+        store.fail(loop.name, loop.key, _line(error))
+
+
+def _size(seen: _Seen) -> str:
+    (camera,) = seen.frames.cameras.values()
+    return f"{camera.model.width}x{camera.model.height}"
 
 
 def _line(error: Exception) -> str:

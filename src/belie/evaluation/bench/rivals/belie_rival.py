@@ -49,6 +49,13 @@ class BelieRival:
         return verdict.alerts
 
     @property
+    def seeing_ms(self) -> float:
+        """What looking at the last frame took, now or earlier; 0 in the paper profile, which sees by claims."""
+        if self._looking is not None:
+            return self._looking.sights[-1].spent_ms if self._looking.sights else 0.0
+        return self.saved_ms
+
+    @property
     def saved_ms(self) -> float:
         """What looking at the last frame would have taken on top."""
         return 0.0 if self._remembering is None else self._remembering.spent_ms

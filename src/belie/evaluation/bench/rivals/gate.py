@@ -21,11 +21,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydantic import Field
 
+from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.bench.rivals.protocol import Cameras
 from belie.geometry import SE3, FloatArray
 from belie.types import (
@@ -41,6 +43,7 @@ from belie.types import (
     Step,
 )
 
+Tested = tuple[str, str, float]  # check, source, innovation over gate
 _GRAVITY_M_S2 = 9.81
 _P, _V, _YAW, _BIAS = slice(0, 3), slice(3, 6), 6, 7
 
@@ -131,49 +134,20 @@ class _Filter:
         self.P = 0.5 * (self.P + self.P.T)
 
 
-class InnovationGate:
-    """Each axis of each innovation against five sigma, as PX4's EKF2.
+class _Fusion:
+    """Odometry, gyroscope and one source of positions in one filter."""
 
-    Parameters
-    ----------
-    cameras : mapping
-        Not looked at.
-    settings : GateSettings
-        Noise and gates.
-    """
-
-    judges = frozenset({AlertType.ODOMETRY_SPOOFING, AlertType.POSITION_SPOOFING})
-
-    def __init__(self, cameras: Cameras, settings: GateSettings | None = None) -> None:
-        self.settings = settings or GateSettings()
-        self.checks: tuple[CheckResult, ...] = ()
+    def __init__(self, settings: GateSettings, ratio: Callable[[FloatArray, FloatArray], float]) -> None:
+        self.settings, self.ratio = settings, ratio
         self._filter: _Filter | None = None
         self._last_pose: dict[str, PoseClaim] = {}
         self._path: deque[tuple[int, SE3]] = deque(maxlen=4000)
         self._early: list[PositionClaim] = []
         self._aligned = False
         self._accepted_ns = 0
-        self._rejected_ns: dict[tuple[str, str], int] = {}
-        self._results: dict[tuple[str, str], CheckResult] = {}
 
-    def update(self, step: Step) -> list[Alert]:
-        """Filter the claims of one frame in order of their stamps."""
-        self._results = {}
-        alerts = []
-        for claim in sorted(step.claims, key=lambda claim: claim.stamp_ns):
-            alerts += self._take(claim)
-        self.checks = tuple(self._results.values())
-        return alerts
-
-    # -- the test ------------------------------------------------------------------------------------
-
-    def ratio(self, nu: FloatArray, S: FloatArray) -> float:
-        """Innovation over gate: rejected above 1."""
-        return float(np.max(np.abs(nu) / np.sqrt(np.diag(S)))) / self.settings.gate_sigma
-
-    # -- claims --------------------------------------------------------------------------------------
-
-    def _take(self, claim: Claim) -> list[Alert]:
+    def take(self, claim: Claim) -> list[Tested]:
+        """Take in one claim; what was tested, and how."""
         if isinstance(claim, MotionClaim) and claim.kind == "imu" and claim.angular_rad_s is not None:
             if self._filter is not None:
                 self._filter.predict(claim.stamp_ns)
@@ -194,7 +168,7 @@ class InnovationGate:
         up = self._path[-1][1].R[2]  # of the frame of odometry, in body axes
         return np.asarray(np.asarray(claim.acceleration_m_s2) - _GRAVITY_M_S2 * up)
 
-    def _pose(self, claim: PoseClaim) -> list[Alert]:
+    def _pose(self, claim: PoseClaim) -> list[Tested]:
         """A pose as the motion since the last one: robot_localization's differential mode."""
         last = self._last_pose.get(claim.source)
         self._last_pose[claim.source] = claim
@@ -210,7 +184,7 @@ class InnovationGate:
 
     def _velocity(
         self, check: str, source: str, stamp_ns: int, v: FloatArray, rate_rad_s: float | None
-    ) -> list[Alert]:
+    ) -> list[Tested]:
         s = self.settings
         if self._filter is None:
             x = np.zeros(8)
@@ -232,9 +206,9 @@ class InnovationGate:
         ratio = self.ratio(nu, S)
         if ratio <= 1.0:
             f.correct(nu, S, H)
-        return self._answer(check, source, stamp_ns, ratio, AlertType.ODOMETRY_SPOOFING)
+        return [(check, source, ratio)]
 
-    def _position(self, claim: PositionClaim) -> list[Alert]:
+    def _position(self, claim: PositionClaim) -> list[Tested]:
         f = self._filter
         if f is None or not self._aligned:
             self._align(claim)
@@ -255,7 +229,7 @@ class InnovationGate:
             f.P[_P, :] = f.P[:, _P] = 0.0
             f.P[_P, _P] = R
             self._accepted_ns = claim.stamp_ns
-        return self._answer("position", claim.source, claim.stamp_ns, ratio, AlertType.POSITION_SPOOFING)
+        return [("position", claim.source, ratio)]
 
     def _of_body(self, claim: PositionClaim, yaw: float) -> FloatArray:
         if claim.lever_m is None:
@@ -291,29 +265,71 @@ class InnovationGate:
         f.P[_YAW, _YAW] = (self.settings.position_noise_m / spread) ** 2
         self._aligned, self._accepted_ns = True, claim.stamp_ns
 
-    # -- the answer ----------------------------------------------------------------------------------
 
-    def _answer(self, check: str, source: str, stamp_ns: int, ratio: float, kind: AlertType) -> list[Alert]:
-        """The worst answer of the frame is kept; a rejection is an alert if there was none for a while."""
-        key = check, source
-        rejected = ratio > 1.0
-        before = self._results.get(key)
-        if before is None or ratio > (before.statistic or 0.0):
-            self._results[key] = CheckResult(
-                check=check,
-                source=source,
-                status=Status.CONTRADICTED if rejected else Status.CONSISTENT,
-                statistic=ratio,
-                threshold=1.0,
-                unit="gate",
-                reason=f"innovation {ratio:.2f} of its gate",
-            )
-        if not rejected:
+class InnovationGate:
+    """Each axis of each innovation against five sigma, as PX4's EKF2.
+
+    Positions of several sources are in axes of their own: each has a filter of its own.
+
+    Parameters
+    ----------
+    cameras : mapping
+        Not looked at.
+    settings : GateSettings
+        Noise and gates.
+    """
+
+    judges = frozenset({AlertType.ODOMETRY_SPOOFING, AlertType.POSITION_SPOOFING})
+
+    def __init__(self, cameras: Cameras, settings: GateSettings | None = None) -> None:
+        self.settings = settings or GateSettings()
+        self.checks: tuple[CheckResult, ...] = ()
+        self._fusions: dict[str, _Fusion] = {"": _Fusion(self.settings, self.ratio)}
+        self._rejected_ns: dict[tuple[AlertType, str], int] = {}
+
+    def ratio(self, nu: FloatArray, S: FloatArray) -> float:
+        """Innovation over gate: rejected above 1."""
+        return float(np.max(np.abs(nu) / np.sqrt(np.diag(S)))) / self.settings.gate_sigma
+
+    def update(self, step: Step) -> list[Alert]:
+        """Filter the claims of one frame in order of their stamps."""
+        worst: dict[tuple[str, str], float] = {}
+        alerts = []
+        for claim in sorted(step.claims, key=lambda claim: claim.stamp_ns):
+            for check, source, ratio in self._take(claim):
+                worst[check, source] = max(ratio, worst.get((check, source), 0.0))
+                if ratio > 1.0:
+                    alerts += self._accuse(ALERT_OF_CHECK[check], source, claim.stamp_ns)
+        self.checks = tuple(_result(check, source, ratio) for (check, source), ratio in worst.items())
+        return alerts
+
+    def _take(self, claim: Claim) -> list[Tested]:
+        if not isinstance(claim, PositionClaim):
+            return [tested for fusion in self._fusions.values() for tested in fusion.take(claim)]
+        if claim.source not in self._fusions:
+            first = self._fusions.pop("", None)  # the first source takes the filter that is there
+            self._fusions[claim.source] = first or _Fusion(self.settings, self.ratio)
+        return self._fusions[claim.source].take(claim)
+
+    def _accuse(self, kind: AlertType, source: str, stamp_ns: int) -> list[Alert]:
+        """A rejection is an alert if there was none for a while."""
+        before_ns = self._rejected_ns.get((kind, source))
+        self._rejected_ns[kind, source] = stamp_ns
+        if before_ns is not None and stamp_ns - before_ns <= self.settings.quiet_s * 1e9:
             return []
-        accused = kind.value, source
-        quiet = stamp_ns - self._rejected_ns.get(accused, -(10**18)) > self.settings.quiet_s * 1e9
-        self._rejected_ns[accused] = stamp_ns
-        return [Alert(type=kind, source=source, onset_ns=stamp_ns)] if quiet else []
+        return [Alert(type=kind, source=source, onset_ns=stamp_ns)]
+
+
+def _result(check: str, source: str, ratio: float) -> CheckResult:
+    return CheckResult(
+        check=check,
+        source=source,
+        status=Status.CONTRADICTED if ratio > 1.0 else Status.CONSISTENT,
+        statistic=ratio,
+        threshold=1.0,
+        unit="gate",
+        reason=f"innovation {ratio:.2f} of its gate",
+    )
 
 
 class MahalanobisGate(InnovationGate):

@@ -32,8 +32,8 @@ from belie.types import MissingExtraError
 
 _SEED = 0
 _SCENARIOS = ("street-straight", "street-curve", "street-lane-change", "highway")
-_TRAIN, _PROVE = (101, 102, 103), (201, 202)
-_LOOKED_AT = ("sunny", "night", "light-fog")
+_TRAIN, _PROVE = (101, 102), (201, 202)
+_LOOKED_AT = ("sunny", "light-fog")
 _LEAST_VISIBLE = 0.3
 _BOX_NOISE = 0.02  # of its size: a detector's, so that the network does not rely on perfect boxes
 _TRACKS_ACCUSED = 0.01  # share of honest tracks that the box classifier accuses
@@ -98,7 +98,8 @@ def train_boxes(cache: Path) -> Network:
             worst.append(float(np.max(np.log(np.maximum(p.max(axis=1), 1e-3) / np.maximum(claimed, 1e-3)))))
     threshold = float(np.quantile(worst, 1.0 - _TRACKS_ACCUSED))
     print(
-        f"boxes: {len(tracks)} tracks train, {len(worst)} prove; classes {network.labels}; threshold {threshold:.2f}"
+        f"boxes: {len(tracks)} tracks train, {len(worst)} prove; classes {network.labels}; threshold "
+        f"{threshold:.2f}"
     )
     return _with_threshold(network, threshold)
 
