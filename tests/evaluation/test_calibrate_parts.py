@@ -83,6 +83,13 @@ def test_the_detectors_habits_are_found_and_erred_towards_patience():
     changed(Config(), changes)  # they are settings that the detector takes
 
 
+def test_the_accused_are_no_witnesses():
+    part = messages(800, miss=0.05, confuse=0.0)
+    changes, _, words = object_habits([part], Config(), without={("/detections", "0"), ("/detections", "1")})
+    assert 0.05 < changes["objects", "miss_rate"] < 0.09  # of one object only: less is known
+    assert object_habits([part], Config(), without={("/other", "0")})[2] != words
+
+
 def test_a_short_look_at_a_detector_changes_nothing():
     changes, _, words = object_habits([messages(30, miss=0.05, confuse=0.0)], Config())
     assert changes == {}

@@ -25,7 +25,9 @@ from belie.evaluation.calibrate_thresholds import learn_thresholds
 from belie.evaluation.intervals import poisson_upper
 from belie.evaluation.run import Checked, Run, run_detector
 from belie.evaluation.trace import CheckTrace
-from belie.types import RecordingError
+from belie.types import AlertType, RecordingError
+
+_OF_OBJECTS = (AlertType.OBSTACLE_HIDING, AlertType.OBJECT_MISCLASSIFICATION)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,9 +120,7 @@ def calibrate(
         raise ValueError("at least one recording is needed")
     advance = on_frame or (lambda: None)
     parts = [TeachingPart.of(recording) for recording in recordings]
-    judge = changed(config, {("profile",): "default"})
-    for recording in recordings:
-        _require_no_alerts(run_detector(recording, judge, on_verdict=lambda _: advance()))
+    _require_honest(recordings, parts, changed(config, {("profile",): "default"}), advance)
     learn = learn_thresholds if config.profile == "paper" else learn_noise
     calibrated, notes = learn(parts, config, advance)
     seen: list[str] = []
@@ -154,6 +154,29 @@ def _beyond_noise(
     words += [tail.in_words() for tail in found]
     stricter, why = tightened(found, config)
     return changed(config, stricter), {**notes, **why}, words
+
+
+def _require_honest(
+    recordings: Sequence[Checked], parts: Sequence[TeachingPart], judge: Config, advance: Callable[[], None]
+) -> None:
+    """Refuse recordings that raise alerts.
+
+    Alerts about objects count only if they stand by the detector's own habits, which are learned from all objects but
+    those accused: a detector that misses more than is usual is no attacker.
+    """
+
+    def run_all(settings: Config) -> list[Run]:
+        return [run_detector(recording, settings, on_verdict=lambda _: advance()) for recording in recordings]
+
+    runs = run_all(judge)
+    raised = [traced.raised.alert for run in runs for traced in run.alerts]
+    if raised and all(alert.type in _OF_OBJECTS for alert in raised):
+        accused = {(alert.source, alert.object or "") for alert in raised}
+        changes, _, _ = object_habits(parts, judge, without=accused)
+        if changes:
+            runs = run_all(changed(judge, changes))
+    for run in runs:
+        _require_no_alerts(run)
 
 
 def _require_no_alerts(run: Run) -> None:

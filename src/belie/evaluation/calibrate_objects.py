@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,16 +62,27 @@ class Habits:
 
 
 def object_habits(
-    parts: Sequence[TeachingPart], config: Config
+    parts: Sequence[TeachingPart], config: Config, *, without: Set[tuple[str, str]] = frozenset()
 ) -> tuple[dict[SettingPath, object], dict[str, str], list[str]]:
     """Settings of the object checks, a note on each, and what was seen in words; nothing without tracked detections.
 
+    Parameters
+    ----------
+    parts : sequence of TeachingPart
+        Attack-free.
+    config : Config
+        Where to start from.
+    without : set of (str, str)
+        Streams and track ids that are not learned from: those that are accused are no witnesses of their innocence.
+
+    Examples
+    --------
     >>> object_habits([], Config())
     ({}, {}, [])
     """
     habits = Habits()
     for part in parts:
-        _count(part, config, habits)
+        _count(part, config, habits, without)
     if not habits.messages and not habits.named:
         return {}, {}, []
     if habits.messages < _LEAST_MESSAGES:
@@ -101,7 +112,7 @@ def object_habits(
     return changes, notes, words
 
 
-def _count(part: TeachingPart, config: Config, habits: Habits) -> None:
+def _count(part: TeachingPart, config: Config, habits: Habits, without: Set[tuple[str, str]]) -> None:
     ((_, camera),) = part.cameras.items()
     size = np.array([camera.model.width, camera.model.height], dtype=np.float64)
     by_source: dict[str, list[DetectionClaim]] = defaultdict(list)
@@ -109,20 +120,23 @@ def _count(part: TeachingPart, config: Config, habits: Habits) -> None:
         for claim in step.claims:
             if isinstance(claim, DetectionClaim):
                 by_source[claim.source].append(claim)
-    for claims in by_source.values():
+    for source, claims in by_source.items():
+        left_out = {track_id for name, track_id in without if name == source}
         ordered = sorted(claims, key=lambda claim: claim.stamp_ns)
         habits.intervals_s += [(b.stamp_ns - a.stamp_ns) * 1e-9 for a, b in itertools.pairwise(ordered)]
-        _count_stream(ordered, size, config, habits)
+        _count_stream(ordered, size, config, habits, left_out)
 
 
-def _count_stream(claims: Sequence[DetectionClaim], size: FloatArray, config: Config, habits: Habits) -> None:
+def _count_stream(
+    claims: Sequence[DetectionClaim], size: FloatArray, config: Config, habits: Habits, left_out: Set[str]
+) -> None:
     tracks: dict[str, dict[int, tuple[FloatArray, str]]] = defaultdict(dict)
     boxes: list[FloatArray] = []
     for k, claim in enumerate(claims):
         seen = [d for d in claim.detections if d.box_px is not None]
         boxes.append(np.array([d.box_px for d in seen]).reshape(-1, 4))
         for d in seen:
-            if d.track_id and d.box_px is not None:
+            if d.track_id and d.track_id not in left_out and d.box_px is not None:
                 tracks[d.track_id][k] = d.box_px, config.objects.classes.of(d.label)
     for track in tracks.values():
         if len(track) < _LEAST_TRACK:
