@@ -30,6 +30,7 @@ from belie.recordings import open_recording, write_mcap
 from belie.simulation.labels import ObjectLabel
 from belie.simulation.rendered import Rendered
 from belie.simulation.scenario import Scenario, load_scenario
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.simulate import SimulatedRecording
 from belie.simulation.stage import Stage, build_world
 from belie.simulation.truth import objects_line, objects_path, write_objects
@@ -90,7 +91,7 @@ class KeptPictures:
         self._steps = open_recording(bag).steps()
         self._lines = iter(objects_path(bag).read_text(encoding="utf-8").splitlines())
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
         gray = next(self._steps).frame.image
         return Rendered(
@@ -101,10 +102,11 @@ class KeptPictures:
         self, world: World, rendered: Rendered, camera: CameraModel, t_s: float, T_world_body: SE3
     ) -> tuple[ObjectLabel, ...]:
         """The labels of the picture that was just shown."""
-        return tuple(_label(entry) for entry in json.loads(next(self._lines))["objects"])
+        return tuple(label_of(entry) for entry in json.loads(next(self._lines))["objects"])
 
 
-def _label(entry: Mapping[str, Any]) -> ObjectLabel:
+def label_of(entry: Mapping[str, Any]) -> ObjectLabel:
+    """The label that a line of the truth tells."""
     length, width, height = entry["dimensions_m"]
     return ObjectLabel(
         id=entry["id"],

@@ -158,10 +158,17 @@ def run(job: tuple[str, str, str, int, str]) -> Trial:
         if right and index >= label.start_frame:
             delay = index - label.start_frame
             break
-        wrong.append(f"{alert.type.value} of {alert.object} at {index}")
+        if not is_end_of_annotation(annotated(name), alert, index):
+            wrong.append(f"{alert.type.value} of {alert.object} at {index}")
     if delay is not None and delay >= WITHIN:
         delay = None
     return Trial(name, family, spec, delay, tuple(wrong), tuple(statuses))
+
+
+def is_end_of_annotation(images: AnnotatedImages, alert: Alert, index: int) -> bool:
+    """Whether an alert is about an annotation that ends in full view: that is no honest detector's silence."""
+    last = {o.track_id: k for k, objects in enumerate(images.objects) for o in objects}
+    return alert.type is AlertType.OBSTACLE_HIDING and index - 8 <= last.get(alert.object or "", -99) < index
 
 
 def honest(job: tuple[str, int, str]) -> tuple[str, int, list[str], Counter[str]]:
@@ -169,12 +176,10 @@ def honest(job: tuple[str, int, str]) -> tuple[str, int, list[str], Counter[str]
     name, seed, profile = job
     images = annotated(name)
     raised, statuses = alerts_of(detected(images, seed), profile)
-    last = {o.track_id: k for k, objects in enumerate(images.objects) for o in objects}
     told = [
         f"{name}, seed {seed}, frame {i}: {a.type.value} of {a.object}"
         for i, a in raised
-        # An annotation that ends while the object stands in full view is no honest detector's silence.
-        if not (a.type is AlertType.OBSTACLE_HIDING and i - 8 <= last.get(a.object or "", -99) < i)
+        if not is_end_of_annotation(images, a, i)
     ]
     return name, len(annotated(name).frames), told, statuses
 
@@ -187,12 +192,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--honest-seeds", type=int, default=20)
     parser.add_argument("--recordings", nargs="+", default=list(RECORDINGS), choices=RECORDINGS)
     parser.add_argument("--profile", default="default", choices=("default", "paper"))
+    parser.add_argument("--families", nargs="+", default=["hide", "relabel", "phantom"])
     parser.add_argument("--misses", action="store_true", help="list every miss")
     chosen = parser.parse_args(arguments)
     jobs = [
         (name, family, spec, seed, chosen.profile)
         for name in chosen.recordings
         for family, spec in specs_of(annotated(name), chosen.onsets)
+        if family.split()[0] in chosen.families
         for seed in chosen.seeds
     ]
     for name in chosen.recordings:

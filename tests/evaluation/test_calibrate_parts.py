@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from belie.detector import Config
-from belie.evaluation.calibrate_objects import object_habits
-from belie.evaluation.calibrate_part import TeachingPart, changed
+from belie.evaluation.calibrate_objects import learn_habits
+from belie.evaluation.calibrate_part import TeachingPart
 from belie.evaluation.calibrate_streams import stream_notes
 from belie.evaluation.calibrate_tail import Tail, rate_at, tails, tightened
 from belie.geometry import SE3, CameraModel
-from belie.types import Detection, DetectionClaim, Frame, MotionClaim, MountedCamera, Step
+from belie.types import Frame, MotionClaim, MountedCamera, Step
 
 CAMERA = MountedCamera(
     model=CameraModel(width=640, height=480, fx=400, fy=400, cx=319.5, cy=239.5), T_body_cam=SE3.identity()
@@ -50,59 +50,44 @@ def test_a_clock_that_is_off_is_told_with_its_uncertainty(data_dir, late_ms):
     assert "imu /imu: stamps" in imu.in_words()
 
 
-def messages(count, miss, confuse, seed=0, interval_ns=100_000_000):
-    """Three cars that stand in plain view of a detector with those habits; misses are independent."""
-    rng = np.random.default_rng(seed)
-    steps = []
-    for k in range(count):
-        told = [
-            Detection(
-                label="bird" if rng.random() < confuse else "car",
-                score=0.9,
-                track_id=str(i),
-                box_px=np.array([100.0 + 150 * i, 200, 180 + 150 * i, 260]),
-            )
-            for i in range(3)
-            if rng.random() >= miss
-        ]
-        at = {"stamp_ns": k * interval_ns, "received_ns": k * interval_ns}
-        frame = Frame(camera="/image", image=np.zeros((480, 640), np.uint8), **at)
-        steps.append(
-            Step(frame=frame, claims=(DetectionClaim(source="/detections", detections=tuple(told), **at),))
-        )
-    return part_of(steps, {"/image": CAMERA})
+class HeardDetector:
+    """Stands in for the detector: reports scripted habits, and under which stated rate it was run."""
+
+    rates: list = []  # noqa: RUF012
+
+    def __init__(self, cameras, config):
+        self.rates.append(config.sequential.false_alarms_per_hour)
+
+    def update(self, frame, claims):
+        pass
+
+    def object_habits(self):
+        known = {"miss_rate": 0.05, "confusion_rate": 0.01, "persistence_s": 0.03}
+        return {
+            "/detections": {**known, "messages": 800.0},
+            "/rare": {**known, "miss_rate": 0.9, "messages": 30.0},
+        }
 
 
-def test_the_detectors_habits_are_found_and_erred_towards_patience():
-    changes, notes, words = object_habits([messages(800, miss=0.05, confuse=0.01)], Config())
-    assert 0.05 < changes["objects", "miss_rate"] < 0.07
-    assert 0.01 < changes["objects", "confusion_rate"] < 0.02
-    assert changes["objects", "persistence_s"] < 0.06  # independent misses share no cause
-    assert set(notes) == {"objects.miss_rate", "objects.confusion_rate", "objects.persistence_s"}
-    assert "objects in plain view" in words[0]
-    changed(Config(), changes)  # they are settings that the detector takes
+def test_habits_become_settings_with_the_interval_that_they_are_known_to(monkeypatch):
+    monkeypatch.setattr("belie.evaluation.calibrate_objects.Detector", HeardDetector)
+    monkeypatch.setattr(HeardDetector, "rates", [])
+    part = part_of([step_at(k) for k in range(3)], {"/image": CAMERA})
+    learnt = learn_habits([part], Config(), lambda: None)
+    assert learnt.config.objects.miss_rate == 0.05  # what was heard too seldom does not count
+    assert learnt.config.sequential == Config().sequential
+    assert learnt.words == (
+        "/detections: misses 5.00 % (3.69 to 6.74 %) and misnames 1.00 % (0.51 to 1.96 %) of 800 messages about "
+        "objects that it should see",
+    )
+    learn_habits([part], Config(), lambda: None, from_accused=False)
+    assert HeardDetector.rates[0] < 1e-100  # nobody is accused, so that all errors teach
+    assert HeardDetector.rates[1] == 0.1  # what is accused does not teach
 
 
-def test_the_accused_are_no_witnesses():
-    part = messages(800, miss=0.05, confuse=0.0)
-    changes, _, words = object_habits([part], Config(), without={("/detections", "0"), ("/detections", "1")})
-    assert 0.05 < changes["objects", "miss_rate"] < 0.09  # of one object only: less is known
-    assert object_habits([part], Config(), without={("/other", "0")})[2] != words
-
-
-def test_a_short_look_at_a_detector_changes_nothing():
-    changes, _, words = object_habits([messages(30, miss=0.05, confuse=0.0)], Config())
-    assert changes == {}
-    assert "say too little" in words[0]
-
-
-def test_a_detector_without_track_ids_is_not_judged():
-    part = messages(300, miss=0.05, confuse=0.0)
-    bare = []
-    for step in part.steps():
-        unnamed = tuple(replace(d, track_id="") for d in step.claims[0].detections)
-        bare.append(replace(step, claims=(replace(step.claims[0], detections=unnamed),)))
-    assert object_habits([part_of(bare, {"/image": CAMERA})], Config()) == ({}, {}, [])
+def step_at(k):
+    at = {"stamp_ns": k * 100_000_000, "received_ns": k * 100_000_000}
+    return Step(frame=Frame(camera="/image", image=np.zeros((480, 640), np.uint8), **at))
 
 
 def test_the_rate_of_an_exponential_tail_is_found_within_its_interval():

@@ -69,8 +69,8 @@ class PlaneRenderer:
         v, u = np.mgrid[0 : camera.height, 0 : camera.width]
         self.rays = np.dstack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
 
-    def render(self, t_s, T_world_body=None):
-        T = self.world.ego.T_world_body(t_s) if T_world_body is None else T_world_body
+    def render(self, t_s, ego=None):
+        T = (ego or self.world.ego).T_world_body(t_s)
         T_world_cam = T @ self.world.T_body_cam
         rays = (self.rays @ T_world_cam.R.T).astype(np.float32)
         nearest = np.full(rays.shape[:2], np.inf, np.float32)
@@ -144,7 +144,13 @@ def make_world(*actors):
 
 def make_actor(id, x, y, label="car"):
     return SimpleNamespace(
-        id=id, label=label, dimensions_m=(4.2, 1.8, 1.5), base_m=0.0, motion=Parked(x, y), is_patched=False
+        id=id,
+        label=label,
+        dimensions_m=(4.2, 1.8, 1.5),
+        base_m=0.0,
+        motion=Parked(x, y),
+        parts=(),
+        is_patched=False,
     )
 
 

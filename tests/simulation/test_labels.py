@@ -72,12 +72,32 @@ def test_patched_actors_say_so():
 def test_shapes_fit_their_boxes():
     """No vertex of an actor stands farther out of its stated box than mirrors and swinging arms do."""
     for actor in (*world("street").actors, *world("patch").actors):
-        solid = [mesh for part in actor.parts for mesh in part.meshes if not mesh.material.is_decal]
+        own = [mesh for part in actor.parts if not part.is_mount for mesh in part.meshes]
+        solid = [mesh for mesh in own if not mesh.material.is_decal]
         points = np.concatenate([mesh.points for mesh in solid])
         half = 0.5 * np.array(actor.dimensions_m[:2])
         assert (np.abs(points[:, :2]) <= half + 0.35).all(), actor.label
         assert points[:, 2].max() <= actor.base_m + actor.dimensions_m[2] + 0.12, actor.label
         assert points[:, 2].min() >= actor.base_m - 0.05
+
+
+@needs_egl
+def test_a_sign_is_labelled_without_its_post():
+    """As data sets box it: its label is the plate, and the pixels of its post are nobody's."""
+    model, seen = camera(), world("patch")
+    with Renderer(seen, model, WEATHERS["sunny"], 1) as renderer:
+        rendered = renderer.render(0.0)
+    T_world_body = seen.ego.T_world_body(0.0)
+    (sign,) = (
+        label
+        for label in object_labels(seen, rendered, model, 0.0, T_world_body)
+        if label.label == "stop sign"
+    )
+    width, height = sign.box_px[2] - sign.box_px[0], sign.box_px[3] - sign.box_px[1]
+    assert height == pytest.approx(width, rel=0.25)
+    rows = np.nonzero(rendered.ids == sign.id)[0]
+    assert rows.max() <= sign.box_px[3]
+    assert 0.75 < sign.visible < 0.87  # of the square that its picture is cut from: an octagon covers 0.83
 
 
 def test_nothing_stands_in_the_way_of_the_robot():

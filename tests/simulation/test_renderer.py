@@ -9,6 +9,7 @@ import pytest
 from render_tools import T_world_cam, camera, needs_egl, points_of, world
 
 from belie.simulation.imaging import ImagingSettings
+from belie.simulation.motion import Parked
 from belie.simulation.renderer import Renderer
 from belie.simulation.weather import WEATHERS
 from belie.types import BelieError, MissingExtraError
@@ -149,13 +150,32 @@ def test_rolling_shutter_shifts_rows_by_their_time():
 def test_another_pose_may_be_asked_for():
     seen = world("street")
     with Renderer(seen, camera(), WEATHERS["sunny"], 1, _CLEAN) as renderer:
-        own, other = renderer.render(0.5), renderer.render(0.5, seen.ego.T_world_body(0.0))
-        same = renderer.render(0.5, seen.ego.T_world_body(0.5))
+        own, other = renderer.render(0.5), renderer.render(0.5, Parked(T=seen.ego.T_world_body(0.0)))
+        same = renderer.render(0.5, seen.ego)
         lean = renderer.render(0.5, with_truth=False)
     assert np.array_equal(own.bgr, same.bgr)
     assert not np.array_equal(own.bgr, other.bgr)
     assert lean.depth_m is None
     assert np.array_equal(lean.bgr, own.bgr)
+
+
+@needs_egl
+def test_blur_follows_the_motion_that_is_driven():
+    """A robot that stands is sharp where the world would have it drive; one that turns smears."""
+    seen, night = world("street"), WEATHERS["night"]
+    here = seen.ego.T_world_body(0.5)
+
+    class Turning(Parked):
+        def twist(self, t_s):
+            return np.zeros(3), np.array([0.0, 0.0, 1.0])
+
+    with Renderer(seen, camera(), night, 1, ImagingSettings(noise_scale=0.0)) as renderer:
+        stands, turns, drives = (
+            cv2.Laplacian(renderer.render(0.5, ego).gray, cv2.CV_64F).var()
+            for ego in (Parked(T=here), Turning(T=here), seen.ego)
+        )
+    assert turns < 0.8 * stands
+    assert drives < stands
 
 
 def test_missing_moderngl_is_one_clear_line(monkeypatch):

@@ -26,8 +26,8 @@ def test_a_copy_can_be_edited(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("scen = 'street'", "scen: Extra inputs are not permitted"),
-        ("[sensors.imu]\nrate = 1", r"sensors\.imu\.rate: Extra inputs"),
+        ("scen = 'street'", "scen: no such setting"),
+        ("[sensors.imu]\nrate = 1", r"sensors\.imu\.rate: no such setting"),
         ("weather = 'hail'", "weather: Input should be 'sunny'"),
         ("scene = ", "is no TOML"),
         ("[sensors.gnss.arrival]\ndelay_ms=2\njitter_ms=3", "jitter_ms must be less than delay_ms"),

@@ -7,17 +7,21 @@
 from belie.attacks.attacked import AttackedRecording, attack
 from belie.attacks.describe import describe_attacks
 from belie.attacks.labels import AttackLabel, labels_path, read_labels, write_labels
+from belie.attacks.running import RunningAttack, attacked_streams
 from belie.attacks.source import Source
 from belie.attacks.spec import AttackSpec, parse_attack
-from belie.attacks.timing import Timing
+from belie.attacks.timing import FrameClock, Timing
 
 __all__ = [
     "AttackLabel",
     "AttackSpec",
     "AttackedRecording",
+    "FrameClock",
+    "RunningAttack",
     "Source",
     "Timing",
     "attack",
+    "attacked_streams",
     "describe_attacks",
     "labels_path",
     "parse_attack",

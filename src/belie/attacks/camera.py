@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -15,27 +16,46 @@ from belie.attacks.stream import Upstream, reading
 from belie.types import Frame, GrayImage, Step
 
 
+class Past(Protocol):
+    """Images that were sent before."""
+
+    def image(self, camera: str, stamp_ns: int, fallback: Frame) -> GrayImage:
+        """The newest image of `camera` stamped up to `stamp_ns`; stamps must not decrease between calls."""
+        ...
+
+
 def camera_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with the images of the attacked frames forged."""
-    held: dict[str, Frame] = {}
-    occluders: dict[str, GrayImage] = {}
     with reading(upstream) as steps, closing(_Past(upstream)) as past:
+        forgery = ImageForgery(plan, past)
         for step in steps:
-            frame = step.frame
-            if plan.spec["source"] not in (None, frame.camera):
-                yield step
-            elif not plan.span.holds(frame.stamp_ns):
-                if frame.stamp_ns < plan.span.start_ns:
-                    held[frame.camera] = frame
-                yield step
-            else:
-                last_honest = held.setdefault(frame.camera, frame)
-                image = _false_image(plan, frame, last_honest, past, occluders)
-                yield replace(step, frame=replace(frame, image=image))
+            frame = forgery.forge(step.frame)
+            yield step if frame is step.frame else replace(step, frame=frame)
+
+
+class ImageForgery:
+    """One attack in one pass over the frames of a recording, or of a running robot."""
+
+    def __init__(self, plan: Plan, past: Past) -> None:
+        self._plan, self._past = plan, past
+        self._held: dict[str, Frame] = {}
+        self._occluders: dict[str, GrayImage] = {}
+
+    def forge(self, frame: Frame) -> Frame:
+        """What is sent instead of `frame`: itself, where it is not attacked."""
+        plan = self._plan
+        if plan.spec["source"] not in (None, frame.camera):
+            return frame
+        if not plan.span.holds(frame.stamp_ns):
+            if frame.stamp_ns < plan.span.start_ns:
+                self._held[frame.camera] = frame
+            return frame
+        last_honest = self._held.setdefault(frame.camera, frame)
+        return replace(frame, image=_false_image(plan, frame, last_honest, self._past, self._occluders))
 
 
 def _false_image(
-    plan: Plan, frame: Frame, last_honest: Frame, past: _Past, occluders: dict[str, GrayImage]
+    plan: Plan, frame: Frame, last_honest: Frame, past: Past, occluders: dict[str, GrayImage]
 ) -> GrayImage:
     match plan.spec.kind:
         case "freeze":

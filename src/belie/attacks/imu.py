@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,11 +19,12 @@ from belie.types import Claim, MotionClaim, Step
 
 def imu_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with IMU samples forged; see `forged_steps`."""
+    return forged_steps(plan, upstream, partial(imu_forger, plan))
 
-    def forger_of(source: str) -> Forger:
-        return StaleForger(plan) if plan.spec.kind in STALE else ImuForger(plan, source)
 
-    return forged_steps(plan, upstream, forger_of)
+def imu_forger(plan: Plan, source: str) -> Forger:
+    """A fresh forger of one IMU's samples."""
+    return StaleForger(plan) if plan.spec.kind in STALE else ImuForger(plan, source)
 
 
 class ImuForger:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from belie.attacks.axes import world_direction
 from belie.attacks.catalogue import ROTATIONS
@@ -19,12 +20,13 @@ from belie.types import AttackError, Claim, MotionClaim, PoseClaim, Step
 
 def odometry_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with poses and twists forged; see `forged_steps`."""
+    return forged_steps(plan, upstream, partial(odometry_forger, plan))
 
-    def forger_of(source: str) -> Forger:
-        forger = StaleForger(plan) if plan.spec.kind in STALE else OdometryForger(plan, source)
-        return forger if plan.spec["restore"] else _Unrestored(forger)
 
-    return forged_steps(plan, upstream, forger_of)
+def odometry_forger(plan: Plan, source: str) -> Forger:
+    """A fresh forger of one source's poses and twists."""
+    forger = StaleForger(plan) if plan.spec.kind in STALE else OdometryForger(plan, source)
+    return forger if plan.spec["restore"] else _Unrestored(forger)
 
 
 class OdometryForger:

@@ -23,22 +23,34 @@ _COURSE_M = 10.0
 _SHORTEST_COURSE_M = 2.0
 
 
+def no_headings() -> Headings:
+    """Headings to fill with `note_heading`."""
+    return defaultdict(lambda: deque(maxlen=4096))
+
+
+def note_heading(headings: Headings, claim: Claim) -> None:
+    """Keep the attitude of a pose claim."""
+    if isinstance(claim, PoseClaim):
+        headings[claim.frame_id].append((claim.stamp_ns, claim.T_odom_body.R))
+
+
 def position_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
     """The steps of `upstream` with positions forged; see `forged_steps`."""
-    headings: Headings = defaultdict(lambda: deque(maxlen=4096))
+    headings = no_headings()
 
     def watched() -> Iterator[Step]:
         with reading(upstream) as steps:
             for step in steps:
                 for claim in step.claims:
-                    if isinstance(claim, PoseClaim):
-                        headings[claim.frame_id].append((claim.stamp_ns, claim.T_odom_body.R))
+                    note_heading(headings, claim)
                 yield step
 
-    def forger_of(source: str) -> Forger:
-        return StaleForger(plan) if plan.spec.kind in STALE else PositionForger(plan, source, headings)
+    return forged_steps(plan, watched, lambda source: position_forger(plan, source, headings))
 
-    return forged_steps(plan, watched, forger_of)
+
+def position_forger(plan: Plan, source: str, headings: Headings) -> Forger:
+    """A fresh forger of one source's positions."""
+    return StaleForger(plan) if plan.spec.kind in STALE else PositionForger(plan, source, headings)
 
 
 class PositionForger:

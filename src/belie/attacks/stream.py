@@ -50,6 +50,44 @@ class Forger(Protocol):
         ...
 
 
+class ClaimForgery:
+    """One attack in one pass over the claims of a recording, or of a running robot.
+
+    Parameters
+    ----------
+    plan : Plan
+        What, where, when.
+    forger_of : callable
+        Source name to a fresh forger.
+
+    Attributes
+    ----------
+    touched : bool
+        Whether a claim was attacked.
+    """
+
+    def __init__(self, plan: Plan, forger_of: Callable[[str], Forger]) -> None:
+        self.touched = False
+        self._plan, self._forger_of = plan, forger_of
+        self._forgers: dict[str, Forger] = {}
+
+    def forge(self, claim: Claim) -> Claim:
+        """What is sent instead of `claim`; a pose must come before the twist of its message."""
+        plan = self._plan
+        if not plan.selects(claim):
+            return claim
+        if claim.source not in self._forgers:
+            self._forgers[claim.source] = self._forger_of(claim.source)
+        forger = self._forgers[claim.source]
+        if plan.span.holds(claim.stamp_ns):
+            self.touched = True
+            return forger.during(claim)
+        if claim.stamp_ns >= plan.span.start_ns:
+            return forger.after(claim)
+        forger.before(claim)
+        return claim
+
+
 def forged_steps(plan: Plan, upstream: Upstream, forger_of: Callable[[str], Forger]) -> Iterator[Step]:
     """The steps of `upstream` with the claims that `plan` selects forged.
 
@@ -66,24 +104,8 @@ def forged_steps(plan: Plan, upstream: Upstream, forger_of: Callable[[str], Forg
     AttackError
         At the end, where the span held no claim to attack.
     """
-    forgers: dict[str, Forger] = {}
-    touched = False
-
-    def forge(claim: Claim) -> Claim:
-        nonlocal touched
-        if not plan.selects(claim):
-            return claim
-        if claim.source not in forgers:
-            forgers[claim.source] = forger_of(claim.source)
-        forger = forgers[claim.source]
-        if plan.span.holds(claim.stamp_ns):
-            touched = True
-            return forger.during(claim)
-        if claim.stamp_ns >= plan.span.start_ns:
-            return forger.after(claim)
-        forger.before(claim)
-        return claim
-
+    forgery = ClaimForgery(plan, forger_of)
+    forge = forgery.forge
     held: Step | None = None
     with reading(upstream) as steps:
         for step in steps:
@@ -93,7 +115,7 @@ def forged_steps(plan: Plan, upstream: Upstream, forger_of: Callable[[str], Forg
             held = replace(step, claims=claims)
     if held is not None:
         yield _with_others_forged(held, forge)
-    if not touched:
+    if not forgery.touched:
         raise nothing_to_attack(plan, ())
 
 

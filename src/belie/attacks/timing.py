@@ -92,6 +92,15 @@ class FrameClock:
         stamps.setflags(write=False)
         object.__setattr__(self, "stamps_ns", stamps)
 
+    @classmethod
+    def steady(cls, start_ns: int, period_ns: int, frames: int) -> FrameClock:
+        """The clock of frames that will come one a period, for a running camera.
+
+        >>> FrameClock.steady(5, 10, 3).stamps_ns
+        array([ 5, 15, 25])
+        """
+        return cls(start_ns + period_ns * np.arange(frames, dtype=np.int64))
+
     def __len__(self) -> int:
         return len(self.stamps_ns)
 

@@ -47,6 +47,7 @@ class RunningScale:
         self._seen: deque[float] = deque()
         self._sizes: list[float] = []
         self._agreements = 0
+        self._value: float | None = None
 
     @property
     def count(self) -> int:
@@ -61,6 +62,11 @@ class RunningScale:
     @property
     def value(self) -> float:
         """The scale; until enough is known the prior, or what a few values can bound it to: enough to see jumps."""
+        if self._value is None:  # asked for many times between two values
+            self._value = self._scale()
+        return self._value
+
+    def _scale(self) -> float:
         if self.missing == 0:
             return max(self._quantile(), self._least)
         if len(self._sizes) < FEW:
@@ -94,6 +100,7 @@ class RunningScale:
         if self.missing == 0 and len(self._waiting) <= min(self._wait, len(self._seen) // 2):
             return
         x = self._waiting.popleft()
+        self._value = None
         if self._seen:
             self._agreements += _agreement(x, self._seen[-1])
         self._seen.append(x)

@@ -11,6 +11,18 @@ import typer
 from typer.core import TyperCommand
 
 from belie.cli.errors import keep_apart
+from belie.cli.live import (
+    Domain,
+    Endpoint,
+    Interface,
+    LiveConfig,
+    Master,
+    Middleware,
+    Remap,
+    network_flags,
+    pairs_of,
+    settings_of,
+)
 from belie.cli.options import (
     CameraInfo,
     Detections,
@@ -25,6 +37,7 @@ from belie.cli.options import (
 from belie.cli.output import Encoding, require_free, write_labels, write_recording
 
 if TYPE_CHECKING:
+    from belie.bridges.settings import LiveSettings
     from belie.types import Step
 
 
@@ -42,18 +55,28 @@ class AttackCommand(TyperCommand):
 def attack(
     source: Source,
     specs: Annotated[
-        list[str],
+        list[str] | None,
         typer.Argument(
             metavar="SPEC...", help="Attacks, name:option=value,…; see below.", show_default=False
         ),
-    ],
+    ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="OUT.mcap", help="Where to write; labels go beside it.")
-    ],
+        Path | None,
+        typer.Option("--output", "-o", metavar="OUT.mcap", help="Where to write; labels go beside it."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.mcap and its labels.")] = False,
     encoding: Annotated[
         Encoding, typer.Option("--encoding", help="How to store images; png and mono8 lose nothing.")
     ] = Encoding.PNG,
+    on_robot: Annotated[
+        Middleware | None,
+        typer.Option(
+            "--live",
+            metavar="dds|zenoh|ros1",
+            help="Attack a running system: no SOURCE, only SPECs. Each attacked topic goes on as TOPIC_attacked, or "
+            "as --remap says.",
+        ),
+    ] = None,
     image: Image = None,
     camera_info: CameraInfo = None,
     odometry: Odometry = None,
@@ -62,10 +85,17 @@ def attack(
     detections: Detections = None,
     detector_labels: DetectorLabels = None,
     rate: Rate = None,
+    config: LiveConfig = None,
+    remap: Remap = None,
+    domain: Domain = None,
+    interface: Interface = None,
+    endpoint: Endpoint = None,
+    master: Master = None,
 ) -> None:
     """Write an attacked copy of a recording (ROS 2 MCAP), with labels of what lies and when.
 
-    SOURCE is never changed. The labels, OUT.mcap.labels.json, tell 'belie check --labels' the truth.
+    SOURCE is never changed. The labels, OUT.mcap.labels.json, tell 'belie check --labels' the truth. With --live,
+    topics of a running system are altered on their way; only for systems that are yours to test.
 
     \b
     Examples:
@@ -74,7 +104,24 @@ def attack(
       belie attack drive.mcap imu-bias:axis=yaw,rate=0.5,start=20s -o gyro.mcap
       belie attack kitti/00 --position poses position-ramp:rate=0.05,start=60 -o drag.mcap
       belie attack drive.mcap camera-freeze:start=50 odometry-freeze:start=50 -o both.mcap
+      belie attack --live dds odometry-offset:axis=left,rate=0.2,start=100 --remap /odom:=/odom_attacked
     """  # noqa: D301 (\b keeps the lines of the examples)
+    if on_robot is not None:
+        topics = {
+            "image": image,
+            "camera_info": camera_info,
+            "odometry": odometry,
+            "position": position,
+            "imu": imu,
+            "detections": detections,
+        }
+        flags = {"topics": topics, **network_flags(domain, interface, endpoint, master)}
+        attack_live(
+            on_robot, [str(source), *(specs or [])], settings_of(config, flags), pairs_of(remap) or {}
+        )
+        return
+    if not specs or output is None:
+        raise typer.BadParameter("SOURCE, SPEC... and -o OUT.mcap are needed (or --live, and SPEC...)")
     from belie.attacks import attack as attacked_by
     from belie.attacks import labels_path
     from belie.cli.progress import frame_count
@@ -130,3 +177,28 @@ def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:
             )
             is_told = True
         yield replace(step, claims=claims)
+
+
+def attack_live(
+    middleware: Middleware, specs: list[str], settings: LiveSettings, names: dict[str, str]
+) -> None:
+    """Attack a running system until SIGINT or SIGTERM."""
+    import signal
+
+    from belie.attacks import parse_attack
+    from belie.bridges.hijack import Hijack
+    from belie.bridges.transports.opening import TransportName, open_transport
+
+    def say(text: str) -> None:
+        print(f"belie attack: {' '.join(text.split())}", file=sys.stderr, flush=True)
+
+    parsed = [parse_attack(spec) for spec in specs]
+    transport = open_transport(TransportName(middleware.value), settings)
+    try:
+        hijack = Hijack(transport, settings, parsed, names=names, on_event=say)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: hijack.stop())
+        hijack.run()
+    finally:
+        transport.close()
+    say(f"stop: {hijack.altered} messages altered")

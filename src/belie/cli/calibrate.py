@@ -20,7 +20,7 @@ from belie.cli.options import (
     Rate,
 )
 
-_MOST_PASSES = 8  # of the whole, at most: the learning passes read two thirds
+_MOST_PASSES = 10  # of the whole, at most: the learning passes read two thirds
 
 
 def calibrate(

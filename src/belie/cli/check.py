@@ -144,7 +144,7 @@ def check(
 def _json_writer(json: Path | None, stack: ExitStack) -> Callable[[Verdict], None]:
     if json is None:
         return lambda verdict: None
-    from belie.evaluation.json_lines import json_line
+    from belie.types.json_lines import json_line
 
     out = sys.stdout if json == STDOUT else stack.enter_context(json.open("w", encoding="utf-8"))
 

@@ -35,7 +35,7 @@ ATTACKS = (
         "odometry drifts 0.2 m a frame to the left for 1 s",
     ),
     (
-        "detections-relabel:object=82,to=bird,start=10.5s,stop=11.5s",
+        "detections-relabel:object=90,to=bird,start=10.5s,stop=11.5s",
         "the detector calls a parked van a bird for 1 s",
     ),
 )

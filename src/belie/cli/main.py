@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from belie.cli import attack, bench, calibrate, check, config, demo, info, simulate
+from belie.cli import attack, bench, calibrate, check, config, demo, info, live, play, simulate
 from belie.cli.errors import OneLineGroup
 
 app = typer.Typer(
@@ -59,6 +59,8 @@ app.command("check", short_help="Check a recording against its own camera.")(che
 app.command("attack", cls=attack.AttackCommand, short_help="Write an attacked copy, with labels.")(
     attack.attack
 )
+app.command("live", short_help="Check a running robot (DDS, Zenoh, ROS 1).")(live.live)
+app.command("play", short_help="Publish a recording as a robot would.")(play.play)
 app.command("config", short_help="Every setting, explained, as TOML.")(config.config)
 app.command("calibrate", short_help="Learn noise settings from attack-free driving.")(calibrate.calibrate)
 app.command(

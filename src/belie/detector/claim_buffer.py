@@ -8,10 +8,12 @@ extrapolated, by at most one period of the stream; further away there is no answ
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from belie.geometry import SE3, FloatArray, so3_exp
 from belie.types import MotionClaim
@@ -142,27 +144,30 @@ def motion_between(
         return None
     if any(s.angular_rad_s is None for s in samples):
         return None
-    R, t, has_velocity = np.eye(3), np.zeros(3), all(s.linear_m_s is not None for s in samples)
-    for i, sample in enumerate(samples):
-        begin = max(sample.stamp_ns, start_ns)
-        end = samples[i + 1].stamp_ns if i + 1 < len(samples) else stop_ns
-        neighbour = used[i + 1] if i + 1 < len(used) else sample
-        step_s = (min(end, stop_ns) - begin) * 1e-9
-        if step_s <= 0.0:
-            continue
-        omega = _mean(sample, neighbour, "angular_rad_s", begin, min(end, stop_ns))
-        if has_velocity:
-            velocity = _mean(sample, neighbour, "linear_m_s", begin, min(end, stop_ns))
-            t = t + R @ so3_exp(0.5 * step_s * omega) @ velocity * step_s
-        R = R @ so3_exp(step_s * omega)
+    has_velocity = all(s.linear_m_s is not None for s in samples)
+    begins = np.array([max(sample.stamp_ns, start_ns) for sample in samples])
+    ends = np.array([*(sample.stamp_ns for sample in samples[1:]), stop_ns])
+    steps_s = (np.minimum(ends, stop_ns) - begins) * 1e-9
+    neighbours = used[1:] if len(used) > len(samples) else [*used[1:], samples[-1]]
+    middles_ns = (begins + np.minimum(ends, stop_ns)) // 2
+    turns = _at(samples, neighbours, "angular_rad_s", middles_ns) * steps_s[:, None]
+    velocities = _at(samples, neighbours, "linear_m_s", middles_ns) if has_velocity else None
+    R, t = np.eye(3), np.zeros(3)
+    for i in np.flatnonzero(steps_s > 0.0):
+        if velocities is not None:
+            t = t + R @ so3_exp(0.5 * turns[i]) @ velocities[i] * steps_s[i]
+        R = R @ so3_exp(turns[i])
     return R, (t if has_velocity else None)
 
 
-def _mean(first: MotionClaim, second: MotionClaim, name: str, begin_ns: int, end_ns: int) -> FloatArray:
-    """Mean of a rate over an interval between two messages, taken as linear in time."""
-    a, b = getattr(first, name), getattr(second, name)
-    span = second.stamp_ns - first.stamp_ns
-    if b is None or span <= 0:
-        return np.asarray(a)
-    fraction = (0.5 * (begin_ns + end_ns) - first.stamp_ns) / span
-    return np.asarray(a + min(max(fraction, 0.0), 1.5) * (b - a))
+def _at(
+    firsts: Sequence[MotionClaim], seconds: Sequence[MotionClaim], name: str, stamps_ns: npt.NDArray[np.int64]
+) -> FloatArray:
+    """A rate, (N, 3), at stamps between or little after two messages each, taken as linear in time."""
+    a = np.array([getattr(first, name) for first in firsts])
+    others = [getattr(second, name) for second in seconds]
+    b = np.array([x if y is None else y for x, y in zip(a, others, strict=True)])
+    since = np.array([first.stamp_ns for first in firsts])
+    span = np.array([second.stamp_ns for second in seconds]) - since
+    fraction = np.clip((stamps_ns - since) / np.maximum(span, 1), 0.0, 1.5) * (span > 0)
+    return np.asarray(a + fraction[:, None] * (b - a))

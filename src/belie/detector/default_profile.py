@@ -66,6 +66,10 @@ class DefaultProfile:
         """The objects that detectors told of, as they stand after the last frame."""
         return self._objects.views
 
+    def object_habits(self) -> dict[str, dict[str, float]]:
+        """How each object detector errs, by source; see `Detector.object_habits`."""
+        return self._objects.habits()
+
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """How many times noisier than its model each component of each stream is, keyed ``check:source``."""
         return {

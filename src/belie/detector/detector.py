@@ -92,6 +92,14 @@ class Detector:
         """The objects that detectors told of, as they stand after the last frame; made when asked for."""
         return self._profile.objects
 
+    def object_habits(self) -> dict[str, dict[str, float]]:
+        """How each object detector was seen to err, by source, in terms of `ObjectSettings`.
+
+        ``miss_rate`` and ``confusion_rate`` (share of messages about objects), ``persistence_s``, and how many
+        ``messages`` show it. Empty in the `paper` profile.
+        """
+        return self._profile.object_habits()
+
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """How many times noisier than its model each component of each stream is, keyed ``check:source``."""
         return self._profile.noise_scales()

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import ObjectSettings, RunTest
+from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
@@ -45,6 +46,7 @@ class ObjectTrack:
     )  # detections ridden
     births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
     born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
+    born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
     phantom: float = 0.0  # evidence that the box shows the background, nats
     phantom_since_ns: int = 0
     is_phantom: bool = False
@@ -66,6 +68,12 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
+    told_middle: FloatArray | None = None  # of the last detected box
+    speed_px_s: FloatArray | None = None  # of the detected boxes
+    likeness: Likeness = field(default_factory=Likeness)
+    told_before: tuple[int, FloatArray] | None = (
+        None  # frame count and box of the message before the last one
+    )
 
     def follow(
         self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
@@ -74,18 +82,25 @@ class ObjectTrack:
         view = self.view
         if view is None or not view.fits(self.box_px):
             view = View.of(previous, window_of(self.box_px))
+        step_s = (stamp_ns - self.history[-1][0]) * 1e-9 if self.history else 0.0
+        if self.speed_px_s is not None and self.is_soft:
+            self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
         motion = follow_object(
             view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
         )
         self.motion, self.view, self.told_px = motion, motion.view, None
-        if motion.error_px2 is not None:
+        # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
+        leads = (
+            self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
+        )
+        if motion.error_px2 is not None and leads:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
             self.shift_px = motion.shift_px
-        self.box_px = motion.box_px
+        self.box_px = motion.box_px if leads else motion.predicted_box_px
         self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
         self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
-        self.born_px = self.born_px[motion.agreeing]
+        self.born_px, self.born_places = self.born_px[motion.agreeing], self.born_places[motion.agreeing]
         self.contrast = motion.contrast
         self.history.append((stamp_ns, self.box_px))
 
@@ -105,6 +120,11 @@ class ObjectTrack:
         """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
         return int((self.ages >= _PROVEN).sum())
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether its corners do not last: then its picture as a whole must speak for it."""
+        return self.corners_then < 2 * _LEAST_CORNERS
+
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
         own_then = self.box_at(stamp_ns)
@@ -116,7 +136,10 @@ class ObjectTrack:
         growth = np.tile(
             (self.box_px[2:] - self.box_px[:2]) / np.maximum(own_then[2:] - own_then[:2], 1.0), 2
         )
-        weight = _TRUST if self.detections > 1 else 1.0
+        # Corrections that come late add up before they are seen to work: half of each, as for well-followed objects.
+        is_late = bool(self.history) and stamp_ns < self.history[-1][0]
+        weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
+        self._learn_speed(box_then_px, stamp_ns)
         box = self.box_px + weight * correction * growth
         if (box[2:] - box[:2] >= 2.0).all():
             self.box_px = box
@@ -125,6 +148,15 @@ class ObjectTrack:
             self.shift_px = self.shift_px + _LEAD * drift if self.detections > 1 else self.shift_px
         self.last_seen_ns = max(self.last_seen_ns, stamp_ns)
         self.detections += 1
+
+    def _learn_speed(self, box_px: FloatArray, stamp_ns: int) -> None:
+        """How its detections move: the guide where its own corners do not last."""
+        middle = 0.5 * (box_px[:2] + box_px[2:])
+        if self.told_middle is not None and stamp_ns > self.last_seen_ns:
+            speed = (middle - self.told_middle) / ((stamp_ns - self.last_seen_ns) * 1e-9)
+            last = self.speed_px_s
+            self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
+        self.told_middle = middle
 
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
@@ -138,6 +170,7 @@ class ObjectTrack:
             self.ages[rides] + 1,
         )
         self.births, self.born_px = self.births[rides], self.born_px[rides]
+        self.born_places = self.born_places[rides]
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
             if self.view is None or not self.view.fits(self.box_px):
@@ -150,8 +183,10 @@ class ObjectTrack:
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
             self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
             self.born_px = np.concatenate([self.born_px, fresh])
+            self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
+        self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 
@@ -173,8 +208,17 @@ class ObjectTrack:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
 
-    def _places_of(self, px: FloatArray) -> FloatArray:
-        return np.asarray((px + 0.5 - self.box_px[:2]) / np.maximum(self.box_px[2:] - self.box_px[:2], 1.0))
+    def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
+        return places_in(self.box_px if box_px is None else box_px, px)
+
+
+def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
+    """Where pixels lie within a box, 0 to 1 along each axis, shape (N, 2).
+
+    >>> places_in(np.array([0.0, 0.0, 10.0, 20.0]), np.array([[4.5, 4.5]]))
+    array([[0.5 , 0.25]])
+    """
+    return np.asarray((px + 0.5 - box_px[:2]) / np.maximum(box_px[2:] - box_px[:2], 1.0))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:

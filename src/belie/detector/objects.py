@@ -38,6 +38,10 @@ _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_BY_CORNERS = (
+    "too few corners",
+    "occluded or gone",
+)  # reasons to doubt a new name that its whole picture may refute
 _RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
 
 
@@ -124,6 +128,17 @@ class ObjectStream:
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
 
+    def habits(self) -> dict[str, float]:
+        """How often this detector was seen to err, for how long, and in how many messages about objects."""
+        missed, named = self._missed, self._misnamed
+        interval_s = max(self.interval_s, 1e-3)
+        return {
+            "miss_rate": missed.share(),
+            "confusion_rate": named.share(),
+            "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
+            "messages": missed.stream.right + missed.stream.begun + missed.stream.lasted,
+        }
+
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
         if box is None:
@@ -138,10 +153,10 @@ class ObjectStream:
         return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
 
     def _absent(self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, size: tuple[int, int]) -> None:
-        fair = track.absence(size, self.settings)
         here = track.box_at(stamp_ns)
         cover = covered(here, boxes)
         merged = len(boxes) > 0 and float(overlaps(here[None], boxes).max()) > _MERGED
+        fair = track.absence(size, self.settings)
         if not fair and cover > self.settings.most_covered and (merged or cover > track.cover_then + _NEWLY):
             fair = "covered by another detection"
         if fair:
@@ -156,6 +171,7 @@ class ObjectStream:
         s = self.settings
         known = track.weight >= s.established
         fair = track.absence(current.size, s)
+        soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
         group = s.classes.of(detection.label)
         another = next((o for o in others if detection.track_id and o.track_id == detection.track_id), None)
         swapped = known and another is not None and _apart(track.box_px, another.box_px)
@@ -163,14 +179,19 @@ class ObjectStream:
         vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right()
-        if (misnamed or swapped) and not fair:
-            track.called = detection.label if misnamed else f"id {detection.track_id}"
-            track.naming.wrong(self.interval_s, self._threshold("misclassification"), stamp_ns)
-        elif misnamed or swapped:
-            track.naming.excuse()
-        else:
+        if not (misnamed or swapped):
             track.naming.right()
             track.called = ""
+        else:
+            if soft:
+                track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
+                fair = "" if track.likeness.vouches else fair
+            if track.likeness.denies or (fair and not soft):
+                track.naming.excuse()
+            else:
+                track.called = detection.label if misnamed else f"id {detection.track_id}"
+                threshold = self._threshold("misclassification")
+                track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
         if not track.naming.accused:  # never learn from what was accused
@@ -181,6 +202,8 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame)
+        if track.is_soft and not track.naming.length:
+            track.likeness.learn(current, track.box_px)
         track.cover_then = covered(box, others_px)
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
@@ -196,7 +219,10 @@ class ObjectStream:
         if track.phantom == 0.0:
             track.phantom_since_ns = stamp_ns
         track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
-        track.is_phantom = track.phantom >= self._threshold("injection") * (0.5 if track.is_phantom else 1.0)
+        # What a detector imagines by itself is short and unsure.
+        track.is_phantom = track.weight >= self.settings.established and track.phantom >= self._threshold(
+            "injection"
+        ) * (0.5 if track.is_phantom else 1.0)
 
     def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
         if len(self.tracks) >= self.settings.most_objects:
@@ -355,6 +381,10 @@ class ObjectStage:
             for track in stream.tracks
         )
 
+    def habits(self) -> dict[str, dict[str, float]]:
+        """How each detector errs, by source."""
+        return {source: stream.habits() for source, stream in self.streams.items()}
+
     def take(self, claims: tuple[Claim, ...], now_ns: int) -> None:
         """Keep the messages until their frame has come; not those of a broken clock."""
         for claim in claims:
@@ -421,4 +451,7 @@ def _where(box: FloatArray) -> str:
 def _there(track: ObjectTrack) -> str:
     error = track.motion.error_px2 if track.motion is not None else None
     fit = "" if error is None else f", e^L {error:.2f} px²"
+    if track.is_soft and track.likeness.evidence > 0.0:
+        likeness = track.likeness
+        return f"the picture fits (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
     return f"{track.proven} of {track.corners_then} corners on it move on as one{fit}"

@@ -79,6 +79,10 @@ class PaperProfile:
         """Films are drawn from what the default profile follows; this one keeps no pixels."""
         return ()
 
+    def object_habits(self) -> dict[str, dict[str, float]]:
+        """Nothing is learned in this profile."""
+        return {}
+
     def noise_scales(self) -> dict[str, dict[str, float]]:
         """Nothing is learned in this profile."""
         return {}

@@ -6,9 +6,10 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
-from belie.checks.objects import background_evidence
-from belie.detector.object_track import ObjectTrack
+from belie.checks.objects import background_evidence, passing_evidence
+from belie.detector.object_track import ObjectTrack, places_in
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plane, static_inverse_depth
 from belie.types import VisualEstimate
@@ -20,6 +21,11 @@ _MEMORY = 40  # frames
 _RING = 1.0  # of the box's side: how far around it its wall is looked for
 _FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-air
 _LEAST_SIDE_PX = 40.0  # of a box: smaller ones are so far that slopes decide where they stand
+_MIDDLE = 0.3  # of the box's sides, either way: there, an object lets nothing through
+_RIDES = (
+    0.2  # of the box's sides: a corner that strays less keeps its place; 5 sigma of a box with 3 % jitter
+)
+_NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
 _GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
 
@@ -69,12 +75,53 @@ class SceneWitness:
 
     def evidence(self, track: ObjectTrack) -> float | None:
         """Log-likelihood ratio, nats, for a box with the background in it; None where it cannot be told."""
+        told = [each for each in (self._passing(track), self._lying(track)) if each is not None]
+        return max(told, default=None)
+
+    def _passing(self, track: ObjectTrack) -> float | None:
+        """Whether the still scene passes through the box."""
+        told = track.told_px
+        if told is None or len(self._poses) < 2 or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
+            return None
+        now, before = places_in(told, track.corners_px), track.born_places
+        _, _, still = self._depths(track)
+        older = track.births < self.frame
+        scene_now, scene_before = self._scene_places(track)
+        now, before = np.concatenate([now[older], scene_now]), np.concatenate([before[older], scene_before])
+        still = np.concatenate([still[older], np.ones(len(scene_now), dtype=bool)])
+        middle = (np.abs(now - 0.5) < _MIDDLE).all(axis=1)
+        rides = (np.abs(now - before) < _RIDES).all(axis=1)
+        return passing_evidence(rides[middle], still[middle])
+
+    def _scene_places(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray]:
+        """Where the corners of the still scene lie in the told box, and lay in the one that was told before."""
+        poses, none = dict(self._poses), np.empty((0, 2))
+        if self._scene is None or track.told_px is None or track.told_before is None:
+            return none, none
+        then, box_then = track.told_before
+        if then not in poses or then == self.frame:
+            return none, none
+        xy, rho, _ = self._scene
+        low, high = self._undistorted(track.told_px.reshape(2, 2) - 0.5)
+        inside = np.asarray(((xy > low) & (xy < high)).all(axis=1) & (rho > 0.0))
+        xy, rho = xy[inside], rho[inside]
+        points = np.column_stack([xy, np.ones(len(xy))]) / rho[:, None]
+        points_then = (poses[then].inverse() @ poses[self.frame]).apply(points)
+        ahead = points_then[:, 2] > _NEAREST * points[:, 2]
+        now_px, then_px = self.camera.project(points[ahead]), self.camera.project(points_then[ahead])
+        return places_in(track.told_px, now_px), places_in(box_then, then_px)
+
+    def _lying(self, track: ObjectTrack) -> float | None:
+        """Whether its corners lie on the ground or the wall."""
         if self._ground is None or self._scene is None:
             return None
         left, top, right, bottom = track.box_px
         if bottom > self.camera.height - 2.0 or max(right - left, bottom - top) < _LEAST_SIDE_PX:
             return None  # its foot is out of view, or it is too far away
-        depth, deviation, xy = self._depths(track)
+        depth, deviation, still = self._depths(track)
+        known = np.isfinite(deviation)
+        depth, deviation = np.where(still, depth, np.nan)[known], deviation[known]
+        xy = self._undistorted(track.corners_px)[known]
         if len(xy) == 0:
             return None
         foot_xy = self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5)
@@ -82,7 +129,10 @@ class SceneWitness:
         error = _TILT * float(self._ground.coefficients[1])
         found: list[float] = []
         if foot > 0.0:
-            on_ground = background_evidence(depth, deviation, self._ground.at(xy), foot)
+            # At the horizon the ground is as far as what drives along with the camera, or the sky.
+            ground = self._ground.at(xy)
+            below = ground > error
+            on_ground = background_evidence(depth[below], deviation[below], ground[below], foot)
             if on_ground is not None:
                 found.append(on_ground)
         wall = self._wall(track.box_px)
@@ -95,12 +145,13 @@ class SceneWitness:
     def _undistorted(self, px: FloatArray) -> FloatArray:
         return np.asarray(self.camera.normalize(px)).reshape(-1, 2)
 
-    def _depths(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Inverse depth, deviation and place of the corners that were seen from two places, as a still scene."""
+    def _depths(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Inverse depth and deviation of its corners, as parts of a still scene, and whether they are; NaN: unknown."""
         poses = dict(self._poses)
         now = poses[self.frame]
         depth = np.full(len(track.births), np.nan)
         deviation = np.full(len(track.births), np.nan)
+        keeps_still = np.zeros(len(track.births), dtype=bool)
         xy = self._undistorted(track.corners_px)
         sigma = _SIGMA_PX / self.camera.fx
         for born in np.unique(track.births):
@@ -111,10 +162,8 @@ class SceneWitness:
             rho, sd, still = static_inverse_depth(
                 self._undistorted(track.born_px[which]), xy[which], motion, sigma
             )
-            depth[which] = np.where(still, rho, np.nan)
-            deviation[which] = sd
-        known = np.isfinite(deviation)
-        return depth[known], deviation[known], xy[known]
+            depth[which], deviation[which], keeps_still[which] = rho, sd, still
+        return depth, deviation, keeps_still
 
     def _wall(self, box_px: FloatArray) -> InverseDepthPlane | None:
         """The plane around a box that is not the ground."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from belie.detector import Config
 from belie.evaluation.calibrate_noise import learn_noise
-from belie.evaluation.calibrate_objects import object_habits
+from belie.evaluation.calibrate_objects import learn_habits
 from belie.evaluation.calibrate_part import TeachingPart, changed
 from belie.evaluation.calibrate_streams import stream_notes
 from belie.evaluation.calibrate_tail import tails, tightened
@@ -25,9 +25,7 @@ from belie.evaluation.calibrate_thresholds import learn_thresholds
 from belie.evaluation.intervals import poisson_upper
 from belie.evaluation.run import Checked, Run, run_detector
 from belie.evaluation.trace import CheckTrace
-from belie.types import AlertType, RecordingError
-
-_OF_OBJECTS = (AlertType.OBSTACLE_HIDING, AlertType.OBJECT_MISCLASSIFICATION)
+from belie.types import RecordingError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,13 +118,21 @@ def calibrate(
         raise ValueError("at least one recording is needed")
     advance = on_frame or (lambda: None)
     parts = [TeachingPart.of(recording) for recording in recordings]
-    _require_honest(recordings, parts, changed(config, {("profile",): "default"}), advance)
+    # What is accused teaches nothing yet: a detector that misses more than is usual is no attacker, but an attack
+    # must not excuse itself.
+    judge = changed(config, {("profile",): "default"})
+    careful = learn_habits(parts, judge, advance, from_accused=False).config
+    for recording in recordings:
+        _require_no_alerts(run_detector(recording, careful, on_verdict=lambda _: advance()))
+    habits = learn_habits(parts, judge, advance)
+    if config.profile == "default":
+        config = habits.config
     learn = learn_thresholds if config.profile == "paper" else learn_noise
     calibrated, notes = learn(parts, config, advance)
     seen: list[str] = []
     if config.profile == "default":
         calibrated, more, seen = _beyond_noise(parts, calibrated, advance)
-        notes = {**notes, **more}
+        notes, seen = {**habits.notes, **notes, **more}, [*habits.words, *seen]
     ratios: dict[str, float] = {}
     for part in parts:
         run = run_detector(part.recording, calibrated, on_verdict=lambda _: advance())
@@ -146,37 +152,12 @@ def calibrate(
 def _beyond_noise(
     parts: Sequence[TeachingPart], config: Config, advance: Callable[[], None]
 ) -> tuple[Config, dict[str, str], list[str]]:
-    """The detector's errors and the tails, as settings with notes; and clocks and correlations in words."""
-    changes, notes, words = object_habits(parts, config)
-    config = changed(config, changes)
-    words += [note.in_words() for note in stream_notes(parts, config, advance)]
+    """A stricter stated rate where the tails ask for it; and clocks, correlations and tails in words."""
+    words = [note.in_words() for note in stream_notes(parts, config, advance)]
     found = tails([run_detector(part, config, on_verdict=lambda _: advance()) for part in parts])
     words += [tail.in_words() for tail in found]
     stricter, why = tightened(found, config)
-    return changed(config, stricter), {**notes, **why}, words
-
-
-def _require_honest(
-    recordings: Sequence[Checked], parts: Sequence[TeachingPart], judge: Config, advance: Callable[[], None]
-) -> None:
-    """Refuse recordings that raise alerts.
-
-    Alerts about objects count only if they stand by the detector's own habits, which are learned from all objects but
-    those accused: a detector that misses more than is usual is no attacker.
-    """
-
-    def run_all(settings: Config) -> list[Run]:
-        return [run_detector(recording, settings, on_verdict=lambda _: advance()) for recording in recordings]
-
-    runs = run_all(judge)
-    raised = [traced.raised.alert for run in runs for traced in run.alerts]
-    if raised and all(alert.type in _OF_OBJECTS for alert in raised):
-        accused = {(alert.source, alert.object or "") for alert in raised}
-        changes, _, _ = object_habits(parts, judge, without=accused)
-        if changes:
-            runs = run_all(changed(judge, changes))
-    for run in runs:
-        _require_no_alerts(run)
+    return changed(config, stricter), why, words
 
 
 def _require_no_alerts(run: Run) -> None:

@@ -34,12 +34,20 @@ def so3_exp(omega_rad: FloatArray) -> FloatArray:
     >>> so3_exp(np.array([0.0, 0.0, np.pi / 2])).round(3) @ np.array([1.0, 0.0, 0.0])
     array([0., 1., 0.])
     """
-    theta = math.sqrt(float(omega_rad @ omega_rad))
-    W = skew(omega_rad)
+    # A vector of three is sooner done in numbers than in arrays; this runs some forty times a frame.
+    x, y, z = omega_rad.tolist()
+    theta = math.sqrt(x * x + y * y + z * z)
     if theta < _SMALL_ANGLE_RAD:
-        return np.asarray(np.eye(3) + W)
+        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
     half = math.sin(theta / 2.0) / (theta / 2.0)
-    return np.asarray(np.eye(3) + math.sin(theta) / theta * W + 0.5 * half * half * (W @ W))
+    a, b = math.sin(theta) / theta, 0.5 * half * half
+    return np.array(
+        [
+            [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
+        ]
+    )
 
 
 def so3_log(R: FloatArray) -> FloatArray:
@@ -48,14 +56,14 @@ def so3_log(R: FloatArray) -> FloatArray:
     >>> so3_log(so3_exp(np.array([0.1, -0.2, 0.3]))).round(6)
     array([ 0.1, -0.2,  0.3])
     """
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = 0.5 * math.sqrt(float(axis @ axis))
-    cosine = 0.5 * (float(np.trace(R)) - 1.0)
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    x, y, z = h - f, c - g, d - b
+    sine = 0.5 * math.sqrt(x * x + y * y + z * z)
+    cosine = 0.5 * (a + e + i - 1.0)
     theta = math.atan2(sine, cosine)
-    if sine > 1e-6:
-        return np.asarray(axis * (theta / (2.0 * sine)))
-    if cosine > 0.0:
-        return np.asarray(0.5 * axis)
+    if sine > 1e-6 or cosine > 0.0:
+        scale = theta / (2.0 * sine) if sine > 1e-6 else 0.5
+        return np.array([scale * x, scale * y, scale * z])
     # Half a turn: the axis is the dominant eigenvector of R + I, its sign is free.
     outer = 0.5 * (R + np.eye(3))
     column = outer[:, int(np.argmax(np.diag(outer)))]
@@ -118,6 +126,16 @@ class SE3:
         t.setflags(write=False)
         object.__setattr__(self, "R", R)
         object.__setattr__(self, "t", t)
+
+    @classmethod
+    def _made(cls, R: FloatArray, t: FloatArray) -> SE3:
+        """From the R and t of valid motions: nothing to check, nothing to copy."""
+        R.setflags(write=False)
+        t.setflags(write=False)
+        made = object.__new__(cls)
+        object.__setattr__(made, "R", R)
+        object.__setattr__(made, "t", t)
+        return made
 
     @classmethod
     def identity(cls) -> SE3:
@@ -195,10 +213,10 @@ class SE3:
 
     def inverse(self) -> SE3:
         """``T_b_a`` of ``T_a_b``."""
-        return SE3(self.R.T, -self.R.T @ self.t)
+        return SE3._made(self.R.T, -self.R.T @ self.t)
 
     def __matmul__(self, other: SE3) -> SE3:
-        return SE3(self.R @ other.R, self.R @ other.t + self.t)
+        return SE3._made(self.R @ other.R, self.R @ other.t + self.t)
 
     def apply(self, points: FloatArray) -> FloatArray:
         """Map points, shape (N, 3), from b to a."""
@@ -211,7 +229,7 @@ class SE3:
         array([0.5, 0. , 0. ])
         """
         omega = so3_log(self.R.T @ other.R)
-        return SE3(self.R @ so3_exp(fraction * omega), self.t + fraction * (other.t - self.t))
+        return SE3._made(self.R @ so3_exp(fraction * omega), self.t + fraction * (other.t - self.t))
 
     def adjoint(self) -> FloatArray:
         """The 6x6 adjoint (translation first): ``T exp(xi) T^-1 == exp(adjoint @ xi)``."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
-from belie.geometry import SE3
 from belie.recordings import topics as ros
 from belie.recordings.arrivals import RawImage, decode_frames, steps_of
-from belie.recordings.claims import FixReader, ImuReader, OdometryReader, PoseReader
+from belie.recordings.claims import FixReader, fix_of
 from belie.recordings.first_messages import (
     FirstImage,
     body_frame,
@@ -30,12 +29,9 @@ from belie.recordings.join import DecodedFrame
 from belie.recordings.join_counts import JoinCounts
 from belie.recordings.join_settings import JoinSettings
 from belie.recordings.recording import BodyAxes, StreamInfo
+from belie.recordings.rig import ClaimReader, Rig, claim_reader
 from belie.recordings.storage import BagFormat, OpenBag, opened
-from belie.recordings.transforms import TransformTree, frame_name
-from belie.recordings.vision_messages import DetectionReader
 from belie.types import Claim, MountedCamera, RecordingError, Step
-
-ClaimReader = Callable[[Any, int, int], tuple[Claim, ...]]
 
 
 class BagRecording:
@@ -77,47 +73,30 @@ class BagRecording:
             body = odometry_child(bag, odometry) if odometry is not None else ""
             frames = fixed_frames(bag)
             body = body or body_frame(frames, image.frame, claims=bool(self._chosen.claims))
-            self._readers = self._claim_readers(bag, frames, body, image.frame)
+            rig = Rig(frames=frames, body=body, image_frame=image.frame)
+            self._readers = self._claim_readers(bag, rig)
             model = first_camera(bag, self._chosen, image, by_name=named.get("camera_info") is not None)
-        T_body_cam = frames.require(body, image.frame)
         self._camera = ros.camera_name(self._chosen.image.name)
         self.cameras: Mapping[str, MountedCamera] = {
-            self._camera: MountedCamera(model=model, T_body_cam=T_body_cam)
+            self._camera: MountedCamera(model=model, T_body_cam=rig.T_body_cam)
         }
-        # REP 103: frames that end in _optical are x right, y down, z forward; so is an image's own frame.
-        optical = body == image.frame or body.endswith(("_optical", "_optical_frame"))
-        self.body_axes: BodyAxes = "rdf" if optical else "flu"
+        self.body_axes: BodyAxes = rig.body_axes
 
-    def _claim_readers(
-        self, bag: OpenBag, frames: TransformTree, body: str, image_frame: str
-    ) -> dict[str, Callable[[], ClaimReader]]:
+    def _claim_readers(self, bag: OpenBag, rig: Rig) -> dict[str, Callable[[], ClaimReader]]:
         """For each topic that makes claims, what makes a fresh reader of its messages."""
         readers: dict[str, Callable[[], ClaimReader]] = {}
-        odometry, position, imu = self._chosen.odometry, self._chosen.position, self._chosen.imu
-        if odometry is not None and odometry.message_type == ros.ODOMETRY:
-            readers[odometry.name] = lambda: OdometryReader(odometry.name)
-        elif odometry is not None:
-            readers[odometry.name] = lambda: PoseReader(odometry.name, as_odometry=True)
-        if position is not None and position.message_type == ros.FIX:
-            origin, lever_m = first_fix(bag, position, frames, body)
-            self.geodetic_origin = origin
-            if origin is not None:
-                readers[position.name] = lambda: FixReader(position.name, origin=origin, lever_m=lever_m)
-        elif position is not None:
-            readers[position.name] = lambda: PoseReader(position.name, as_odometry=False)
-        if imu is not None:
-            frame = frame_name(first_message(bag, imu).header.frame_id)
-            R_body_imu = frames.require(body, frame, instead="; or leave the IMU out with --imu none").R
-            readers[imu.name] = lambda: ImuReader(imu.name, R_body_imu)
-        detections = self._chosen.detections
-        if detections is not None:
-            instead = "; or leave the objects out with --detections none"
-
-            def T_cam_of(frame: str) -> SE3:
-                # An empty frame_id can only mean the image's own frame.
-                return frames.require(image_frame, frame or image_frame, instead=instead)
-
-            readers[detections.name] = lambda: DetectionReader(detections.name, T_cam_of)
+        for topic in self._chosen.claims:
+            first = None
+            if topic.message_type == ros.FIX:
+                first = first_fix(bag, topic)
+                if first is None:
+                    continue
+                self.geodetic_origin = fix_of(first)
+            elif topic.message_type == ros.IMU:
+                first = first_message(bag, topic)
+            make = partial(claim_reader, rig, topic, as_odometry=topic is self._chosen.odometry, first=first)
+            make()  # a missing transform is told now, not at the first step
+            readers[topic.name] = cast("Callable[[], ClaimReader]", make)
         return readers
 
     @cached_property

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from belie.geometry import SE3, CameraModel, FloatArray
+from belie.geometry import CameraModel
 from belie.recordings import topics as ros
 from belie.recordings.calibration import CameraInfo, camera_model
 from belie.recordings.claims import fix_of
-from belie.recordings.geodesy import GeodeticPoint
 from belie.recordings.images import GrayDecoder, UndecodableImageError
 from belie.recordings.storage import OpenBag
 from belie.recordings.transforms import TransformTree, frame_name
@@ -99,25 +98,16 @@ def fixed_frames(bag: OpenBag) -> TransformTree:
     seen: set[bytes] = set()
     for connection, _, data in bag.messages(["/tf_static"]):
         # Some publishers repeat the tree every second: each message is read once.
-        if connection.msgtype not in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage") or data in seen:
-            continue
-        seen.add(data)
-        for edge in bag.deserialize(connection, data).transforms:
-            q, t = edge.transform.rotation, edge.transform.translation
-            try:
-                T_parent_child = SE3.from_quat_xyzw([q.x, q.y, q.z, q.w], [t.x, t.y, t.z])
-            except ValueError as error:
-                raise CalibrationError(
-                    f"/tf_static: the transform {edge.header.frame_id} to {edge.child_frame_id} "
-                    f"cannot be used: {error}"
-                ) from error
-            frames.add(edge.header.frame_id, edge.child_frame_id, T_parent_child)
+        if connection.msgtype in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage") and data not in seen:
+            seen.add(data)
+            frames.add_message(bag.deserialize(connection, data))
     return frames
 
 
 def body_frame(frames: TransformTree, image_frame: str, *, claims: bool) -> str:
     """The body's frame where no odometry names it.
 
+    >>> from belie.geometry import SE3
     >>> tree = TransformTree()
     >>> tree.add("vehicle", "cam", SE3.identity())
     >>> body_frame(tree, "cam", claims=True)
@@ -132,40 +122,42 @@ def body_frame(frames: TransformTree, image_frame: str, *, claims: bool) -> str:
     return root if root in frames.frames else "base_link"
 
 
-def first_fix(
-    bag: OpenBag, topic: ros.Topic, frames: TransformTree, body: str
-) -> tuple[GeodeticPoint | None, FloatArray | None]:
-    """The first valid fix, and where the antenna sits on the body (None: at its origin, or unknown)."""
+def first_fix(bag: OpenBag, topic: ros.Topic) -> Any | None:
+    """The first message with a fix; None where there is none."""
     for connection, _, data in bag.messages([topic.name]):
         message = bag.deserialize(connection, data)
-        point = fix_of(message)
-        if point is not None:
-            T_body_antenna = frames.find(body, message.header.frame_id)
-            at_origin = T_body_antenna is None or not T_body_antenna.t.any()
-            return point, None if at_origin or T_body_antenna is None else T_body_antenna.t
-    return None, None
+        if fix_of(message) is not None:
+            return message
+    return None
 
 
 def first_camera(bag: OpenBag, chosen: ros.Choice, image: FirstImage, *, by_name: bool) -> CameraModel:
-    """The camera as its first camera info describes it.
+    """The camera as its first camera info describes it; see `camera_of`."""
+    message = first_message(bag, chosen.camera_info)
+    return camera_of(message, chosen, image_frame=image.frame, image_size=image.size, by_name=by_name)
+
+
+def camera_of(
+    message: Any, chosen: ros.Choice, *, image_frame: str, image_size: tuple[int, int], by_name: bool
+) -> CameraModel:
+    """The camera as a camera info describes it, for images of a frame and a size (width, height).
 
     Raises
     ------
     CalibrationError
         If it is empty, of another size than the images, or (unless chosen `by_name`) another camera's.
     """
-    message = first_message(bag, chosen.camera_info)
     info_frame = frame_name(message.header.frame_id)
     beside = ros.camera_name(chosen.image.name).rsplit("/", 1)[0] + "/camera_info"
-    foreign = chosen.camera_info.name != beside and info_frame and info_frame != image.frame
+    foreign = chosen.camera_info.name != beside and info_frame and info_frame != image_frame
     if foreign and not by_name:
         raise CalibrationError(
             f"{chosen.camera_info.name} is of frame {info_frame}, the images {chosen.image.name} of frame "
-            f"{image.frame}; record {beside}, or choose the image that belongs to it with --image"
+            f"{image_frame}; record {beside}, or choose the image that belongs to it with --image"
         )
     return camera_model(
         CameraInfo.from_message(message),
-        image_size=image.size,
+        image_size=image_size,
         rectified=ros.camera_name(chosen.image.name).rsplit("/", 1)[-1].startswith("image_rect"),
         where=chosen.camera_info.name,
     )

@@ -69,11 +69,29 @@ class _Stream:
         return self.newest_ns is not None and self.newest_ns >= frame_ns
 
 
-class _Joiner:
-    """The state of one pass over a recording."""
+class Joiner:
+    """The state of one pass over a recording, or of one session on a robot.
 
-    def __init__(self, settings: JoinSettings, counts: JoinCounts, periods_ns: Mapping[str, float]) -> None:
-        self.settings, self.counts, self.periods_ns = settings, counts, periods_ns
+    Attributes
+    ----------
+    unawaited : set of str
+        Sources that no frame waits for; their claims travel with the frames that find them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> joiner = Joiner(JoinSettings(reorder_window_ms=0.0), JoinCounts())
+    >>> joiner.add_frame(DecodedFrame(index=0, frame=Frame(
+    ...     camera="/cam", stamp_ns=5, received_ns=5, image=np.zeros((4, 4), np.uint8))))
+    >>> [step.frame.stamp_ns for step in joiner.release(6)]
+    [5]
+    """
+
+    def __init__(
+        self, settings: JoinSettings, counts: JoinCounts, periods_ns: Mapping[str, float] | None = None
+    ) -> None:
+        self.settings, self.counts, self.periods_ns = settings, counts, periods_ns or {}
+        self.unawaited: set[str] = set()
         self.window_ns = round(settings.reorder_window_ms * 1e6)
         self.patience_ns = max(round(settings.patience_ms * 1e6), self.window_ns)
         self.streams: dict[str, _Stream] = {}
@@ -173,7 +191,8 @@ class _Joiner:
         if waited_ns <= self.window_ns:
             return False
         return waited_ns > self.patience_ns or all(
-            stream.reaches(frame.stamp_ns) for stream in self.streams.values()
+            stream.reaches(frame.stamp_ns) or stream.source in self.unawaited
+            for stream in self.streams.values()
         )
 
     def _step(self, decoded: DecodedFrame) -> Step:
@@ -244,7 +263,7 @@ def join(
     ...  for step in join(late_but_joined, settings=JoinSettings(), counts=JoinCounts())]
     [[10], [20]]
     """
-    joiner = _Joiner(settings, counts, periods_ns or {})
+    joiner = Joiner(settings, counts, periods_ns)
     clock_ns: int | None = None
     for arrival in arrivals:
         received_ns = arrival.frame.received_ns if isinstance(arrival, DecodedFrame) else arrival.received_ns

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from belie.recordings.recording import Role
-from belie.types import TopicError
+from belie.types import AmbiguousTopicError, TopicError
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -114,7 +114,7 @@ def choose(
     >>> choose(topics)
     Traceback (most recent call last):
     ...
-    belie.types.errors.TopicError: 2 topics could be the image: /left, /right; name one with --image
+    belie.types.errors.AmbiguousTopicError: 2 topics could be the image: /left, /right; name one with --image
     """
     chosen_image = _one(topics, "image", (IMAGE, COMPRESSED), image, flag="--image")
     if chosen_image is None:
@@ -169,7 +169,7 @@ def _one(
     ]
     if len(fitting) > 1:
         names = ", ".join(topic.name for topic in fitting)
-        raise TopicError(f"{len(fitting)} topics could be the {role}: {names}; name one with {flag}")
+        raise AmbiguousTopicError(f"{len(fitting)} topics could be the {role}: {names}; name one with {flag}")
     return fitting[0] if fitting else None
 
 
@@ -201,7 +201,7 @@ def _camera_info(topics: Sequence[Topic], image: Topic, named: str | None) -> To
         )
     if len(infos) > 1:
         names = ", ".join(topic.name for topic in infos)
-        raise TopicError(
+        raise AmbiguousTopicError(
             f"{len(infos)} topics could be the camera info of {image.name}: {names}; "
             "name one with --camera-info"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 from belie.geometry import SE3
 from belie.types import CalibrationError
@@ -46,6 +47,25 @@ class TransformTree:
         self._neighbours.setdefault(parent, {})[child] = T_parent_child
         self._neighbours.setdefault(child, {})[parent] = T_parent_child.inverse()
         self._parent[child] = parent
+
+    def add_message(self, message: Any) -> None:
+        """Add the edges of a ``tf2_msgs/TFMessage``.
+
+        Raises
+        ------
+        CalibrationError
+            If one of them is not a rigid motion.
+        """
+        for edge in message.transforms:
+            q, t = edge.transform.rotation, edge.transform.translation
+            try:
+                T_parent_child = SE3.from_quat_xyzw([q.x, q.y, q.z, q.w], [t.x, t.y, t.z])
+            except ValueError as error:
+                raise CalibrationError(
+                    f"/tf_static: the transform {edge.header.frame_id} to {edge.child_frame_id} "
+                    f"cannot be used: {error}"
+                ) from error
+            self.add(edge.header.frame_id, edge.child_frame_id, T_parent_child)
 
     def root(self, frame: str) -> str:
         """The topmost frame above `frame`."""

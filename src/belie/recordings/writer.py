@@ -47,7 +47,7 @@ BODY_FRAMES: dict[BodyAxes, str] = {"flu": "base_link", "rdf": "body_optical"}
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _FOREVER = QosTime(2147483647, 4294967295)
-_LATCHED = Qos(
+LATCHED = Qos(
     QosHistory.KEEP_LAST,
     1,
     QosReliability.RELIABLE,
@@ -258,7 +258,7 @@ class _Output:
         if key not in self.connections:
             if any(known == topic for known, _ in self.connections):
                 raise RecordingError(f"{topic} carries claims of two kinds; a ROS topic has one message type")
-            latched = [_LATCHED] if topic == "/tf_static" else []
+            latched = [LATCHED] if topic == "/tf_static" else []
             self.connections[key] = self.bag.add_connection(
                 topic, message_type, typestore=messages.STORE, offered_qos_profiles=latched
             )

@@ -70,7 +70,7 @@ class DrivenRecording:
                 self._drive_to(t_s)
                 if self.collision is not None:
                     return
-                view = stage.look(index, self.vehicle.T_world_body(t_s))
+                view = stage.look(index, self.vehicle)
                 claims = suite.claims_until(self.vehicle, t_s)
                 if view.detections is not None:
                     claims.append(view.detections)
@@ -98,7 +98,8 @@ class DrivenRecording:
         if off_m > lane.half_width_m:  # half of the vehicle is beyond the marks
             self.collision = (t_s, "left its lane")
         for actor in self.world.actors:
-            if actor.base_m > _CLEARANCE_M:
+            has_post = any(part.is_mount for part in actor.parts)
+            if actor.base_m > _CLEARANCE_M and not has_post:
                 continue
             T = actor.motion.T_world_body(t_s)
             length_m, width_m, _ = actor.dimensions_m

@@ -144,7 +144,7 @@ def actor_silhouette(
     seen, shape = [], []
     for part in actor.parts:
         T_obj_part = part_pose(part, actor.motion.travelled_m(t_s), t_s)
-        if T_obj_part is None:
+        if T_obj_part is None or part.is_mount:
             continue
         T = T_cam_obj.matrix() @ T_obj_part
         for mesh in part.meshes:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from belie.geometry import SE3, CameraModel
+from belie.geometry import CameraModel
 from belie.simulation.colour_pass import ColourPass
 from belie.simulation.gpu import open_context
 from belie.simulation.imaging import Imaging, ImagingSettings
@@ -16,6 +16,7 @@ from belie.simulation.placed import placed_actors
 from belie.simulation.programs import Programs
 from belie.simulation.projection import ideal_camera, sight_m
 from belie.simulation.rendered import Rendered
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.stock import Stock
 from belie.simulation.truth_pass import SKY_M, TruthPass
 from belie.simulation.weather import Weather
@@ -88,22 +89,20 @@ class Renderer:
         """Free everything."""
         self._context.release()
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None, *, with_truth: bool = True) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None, *, with_truth: bool = True) -> Rendered:
         """Render one moment.
 
         Parameters
         ----------
         t_s : float
             Seconds from the start: the middle of the exposure of the middle row.
-        T_world_body : SE3, optional
-            Where the robot is, instead of where the world has it.
+        ego : Motion, optional
+            How the robot moves, instead of how the world moves it.
         with_truth : bool
             Whether depth and ids are wanted.
         """
-        ego = self._world.ego
-        T_world_cam = (
-            ego.T_world_body(t_s) if T_world_body is None else T_world_body
-        ) @ self._world.T_body_cam
+        ego = ego or self._world.ego
+        T_world_cam = ego.T_world_body(t_s) @ self._world.T_body_cam
         linear, angular = ego.twist(t_s)
         placed = placed_actors(self._world, t_s, T_world_cam.t)
         colour = self._colour.draw(placed, T_world_cam)

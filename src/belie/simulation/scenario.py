@@ -140,7 +140,8 @@ def load_scenario(path_or_name: str | Path, **overrides: Any) -> Scenario:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"scenario {path_or_name}: {where}: {first['msg']}") from None
+        what = "no such setting; --print lists all" if first["type"] == "extra_forbidden" else first["msg"]
+        raise ConfigError(f"scenario {path_or_name}: {where}: {what}") from None
 
 
 def scenario_text(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from belie.geometry import SE3, CameraModel
 from belie.simulation.sensors import ObjectDetector
-from belie.simulation.sensors.sampling import NS_PER_S, generator
+from belie.simulation.sensors.sampling import NS_PER_S, Motion, generator
 from belie.types import ConfigError, DetectionClaim, Frame, MountedCamera
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class View:
 class Picturer(Protocol):
     """Shows the world at a moment; `belie.simulation.renderer.Renderer` is one."""
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The picture at `t_s`, from where the robot is."""
         ...
 
@@ -92,20 +92,20 @@ class Stage:
         rate_hz = scenario.sensors.object_detector.rate_hz
         self._detect_every = max(1, round(scenario.frame_rate_hz / rate_hz)) if rate_hz > 0.0 else 0
 
-    def look(self, index: int, T_world_body: SE3 | None = None) -> View:
+    def look(self, index: int, ego: Motion | None = None) -> View:
         """Render frame `index`; to be called with growing indices, for the detector remembers.
 
         Parameters
         ----------
         index : int
             Number of the frame.
-        T_world_body : SE3, optional
-            Where the robot is, instead of where the scenario has it.
+        ego : Motion, optional
+            How the robot moves, instead of how the scenario moves it.
         """
         t_s = index / self.scenario.frame_rate_hz
         stamp_ns = START_NS + round(t_s * NS_PER_S)
-        rendered = self._renderer.render(t_s, T_world_body=T_world_body)
-        T = self.world.ego.T_world_body(t_s) if T_world_body is None else T_world_body
+        rendered = self._renderer.render(t_s, ego)
+        T = (ego or self.world.ego).T_world_body(t_s)
         labels = self._labels(self.world, rendered, self.mounted.model, t_s, T)
         detections = None
         if self._detect_every and index % self._detect_every == 0:

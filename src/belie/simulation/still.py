@@ -27,7 +27,8 @@ def still_meshes(world: World) -> list[tuple[Mesh, npt.NDArray[np.float32]]]:
             continue
         for part in actor.parts:
             for mesh in () if part.shown_s else part.meshes:
-                pieces.setdefault(mesh.material, []).append((mesh, actor.motion.T_world_body(0.0), actor.id))
+                own_id = 0 if part.is_mount else actor.id
+                pieces.setdefault(mesh.material, []).append((mesh, actor.motion.T_world_body(0.0), own_id))
     return [_joined(material, own) for material, own in pieces.items()]
 
 

@@ -110,6 +110,9 @@ class Part:
         Of a leg or arm: how far it swings, over which way to and fro, and when.
     shown_s : tuple of (float, float)
         Spans of time in which it is there; empty: always. For the lamps of a traffic light.
+    is_mount : bool
+        It only carries the actor, as the post does a sign: drawn, but within no label. Data sets (BDD100K, COCO) and
+        the detectors trained on them box the sign or the lights alone.
     """
 
     meshes: tuple[Mesh, ...]
@@ -119,6 +122,7 @@ class Part:
     stride_m: float = 1.4
     phase_rad: float = 0.0
     shown_s: tuple[tuple[float, float], ...] = ()
+    is_mount: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

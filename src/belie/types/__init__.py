@@ -4,6 +4,7 @@ from belie.types.arrays import frozen, frozen_as
 from belie.types.claims import Claim, Detection, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 from belie.types.config import Settings
 from belie.types.errors import (
+    AmbiguousTopicError,
     AttackError,
     BelieError,
     CalibrationError,
@@ -11,6 +12,7 @@ from belie.types.errors import (
     MissingExtraError,
     RecordingError,
     TopicError,
+    TransportError,
 )
 from belie.types.estimate import VisualEstimate
 from belie.types.features import Features, Keyframe, MapPoints
@@ -21,6 +23,7 @@ from belie.types.verdict import Alert, AlertType, CheckResult, Status, Verdict
 __all__ = [
     "Alert",
     "AlertType",
+    "AmbiguousTopicError",
     "AttackError",
     "BelieError",
     "CalibrationError",
@@ -44,6 +47,7 @@ __all__ = [
     "Status",
     "Step",
     "TopicError",
+    "TransportError",
     "Verdict",
     "VisualEstimate",
     "frozen",

@@ -4,10 +4,12 @@
 
     BelieError                 one clear line: what was found and how to mend it
     ├── RecordingError         a file or folder that cannot be read
-    │   ├── TopicError         a topic is missing, ambiguous or of the wrong type
+    │   ├── TopicError         a topic is missing or of the wrong type
+    │   │   └── AmbiguousTopicError   several topics would do
     │   └── CalibrationError   intrinsics or an extrinsic transform are missing or wrong
     ├── ConfigError            a setting is unknown or out of range
     ├── AttackError            an attack specification that makes no sense
+    ├── TransportError         a middleware that cannot be reached or refuses
     └── MissingExtraError      an optional dependency; the message holds the pip line
 
 A misuse of the API raises `ValueError`. Weak evidence is no error: it is the status UNDECIDED.
@@ -28,6 +30,10 @@ class TopicError(RecordingError):
     """A topic is missing, ambiguous or of an unexpected type."""
 
 
+class AmbiguousTopicError(TopicError):
+    """Several topics could play a part; waiting for more of them does not help."""
+
+
 class CalibrationError(RecordingError):
     """Camera intrinsics or an extrinsic transform are missing or unusable."""
 
@@ -38,6 +44,10 @@ class ConfigError(BelieError):
 
 class AttackError(BelieError):
     """An attack specification names an unknown attack, stream, option or span."""
+
+
+class TransportError(BelieError):
+    """A middleware (DDS, Zenoh, ROS 1, MQTT) cannot be reached or refuses what is asked of it."""
 
 
 class MissingExtraError(BelieError):

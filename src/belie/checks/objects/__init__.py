@@ -2,7 +2,7 @@
 
 from belie.checks.objects.class_groups import ClassGroups
 from belie.checks.objects.habits import Counts, Habit, RunTest, run_threshold
-from belie.checks.objects.injection import background_evidence
+from belie.checks.objects.injection import background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
 
 __all__ = [
@@ -12,5 +12,6 @@ __all__ = [
     "ObjectSettings",
     "RunTest",
     "background_evidence",
+    "passing_evidence",
     "run_threshold",
 ]

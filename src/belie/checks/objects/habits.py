@@ -81,6 +81,21 @@ class Habit:
         lasts = self._lasts(own, interval_s)
         return -math.log(_bounded(lasts + (1.0 - lasts) * hard))
 
+    def share(self) -> float:
+        """Share of the messages about objects that err, by the stream and what was expected of it."""
+        s, n = self.stream, self.prior_messages
+        wrong = s.begun + s.lasted
+        return (wrong + n * self.rate) / (wrong + s.right + n)
+
+    def memory_s(self, interval_s: float) -> float:
+        """For how long consecutive images share the cause of an error, by the stream; its `persistence_s`."""
+        s, n, share = self.stream, self.prior_gaps, self.share()
+        expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
+        lasts = (s.lasted + n * expected) / (s.lasted + s.begun + n)
+        correlation = (lasts - share) / (1.0 - share)
+        # Below, consecutive images share nothing; above, the time is longer than the recordings show.
+        return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
+
     def _begins(self, own: Counts) -> float:
         s, n = self.stream, self.prior_messages
         stream = (s.begun + n * self.rate) / (s.begun + s.right + n)
@@ -130,13 +145,24 @@ class RunTest:
         self.habit.right(self.own)
         self.length, self.statistic, self.accused = 0, 0.0, False
 
-    def wrong(self, interval_s: float, threshold: float, stamp_ns: int, side_px: float = 1e3) -> bool:
-        """A message in error, though the pixels tell otherwise; True once it is accused."""
+    def wrong(
+        self,
+        interval_s: float,
+        threshold: float,
+        stamp_ns: int,
+        side_px: float = 1e3,
+        *,
+        vouched: bool = True,
+    ) -> bool:
+        """A message in error, though the pixels tell otherwise; True once it is accused.
+
+        `vouched`: the pixels are sure; nobody is accused before.
+        """
         if self.length == 0:
             self.onset_ns = stamp_ns
         self.statistic += self.habit.surprise(self.own, self.length, interval_s, side_px)
         self.length += 1
-        self.accused = self.accused or self.statistic >= threshold
+        self.accused = self.accused or (vouched and self.statistic >= threshold)
         return self.accused
 
     def excuse(self) -> None:

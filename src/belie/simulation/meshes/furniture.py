@@ -36,40 +36,41 @@ def street_lamp(
     return Glow(position_m=(x, y, z - 0.1), colour=(1.0, 0.80, 0.48), radius_m=1.5), (x, y, z, 1.0)
 
 
-def _post(builder: Builder, height_m: float) -> None:
-    builder.tube(
-        materials.metal(), (0.0, 0.0, 0.0), (0.0, 0.0, height_m), (0.035, 0.035), _STEEL, 8, sky_foot=0.5
-    )
+def _post(x_m: float, height_m: float, radii_m: tuple[float, float], colour: Colour) -> Part:
+    builder = Builder()
+    builder.tube(materials.metal(), (x_m, 0.0, 0.0), (x_m, 0.0, height_m), radii_m, colour, 8, sky_foot=0.5)
+    return Part(meshes=builder.meshes(), is_mount=True)
 
 
 @lru_cache(maxsize=16)
 def sign_parts(kind: str, *, patched: bool = False) -> tuple[Part, ...]:
     """A traffic sign on its post, facing +x: ``stop``, or ``30``, ``50`` … for a speed limit."""
     builder = Builder()
-    _post(builder, 2.75)
     size = 0.42 if kind == "stop" else 0.34
     material = (
         materials.sign(signs.stop_sign, patched)
         if kind == "stop"
         else materials.sign(signs.speed_sign, int(kind))
     )
-    z = 2.75 - size
+    z = _SIGN_TOP_M - size
     for x, side, tint in ((0.045, 1.0, (1.0, 1.0, 1.0)), (0.040, -1.0, (0.40, 0.40, 0.40))):
         y = side * size
         builder.quad(
             material, [[x, -y, z - size], [x, y, z - size], [x, y, z + size], [x, -y, z + size]], colour=tint
         )
-    return (Part(meshes=builder.meshes()),)
+    return _post(0.0, _SIGN_TOP_M, (0.035, 0.035), _STEEL), Part(meshes=builder.meshes())
 
 
-SIGN_DIMENSIONS_M = {"stop": (0.12, 0.84, 2.75), "speed": (0.12, 0.68, 2.75)}
-LIGHT_DIMENSIONS_M = (0.35, 0.40, 4.0)
+_SIGN_TOP_M = 2.75
+SIGN_DIMENSIONS_M = {"stop": (0.12, 0.84, 0.84), "speed": (0.12, 0.68, 0.68)}
+SIGN_BASE_M = {name: _SIGN_TOP_M - height for name, (_, _, height) in SIGN_DIMENSIONS_M.items()}
+LIGHT_DIMENSIONS_M = (0.55, 0.52, 1.25)
+LIGHT_BASE_M = 2.825
 
 
 def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> tuple[Part, ...]:
     """A traffic light facing +x; `cycle` lists which colour burns from when to when (s)."""
     builder = Builder()
-    _post_wide(builder)
     builder.box(materials.metal(), (0.02, 0.0, 3.45), (0.26, 0.34, 1.05), (0.07, 0.08, 0.07))
     builder.box(materials.metal(), (-0.12, 0.0, 3.45), (0.02, 0.52, 1.25), (0.06, 0.06, 0.06))
     colours: dict[str, tuple[float, Colour]] = {
@@ -81,7 +82,7 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
         red, green, blue = (0.16 * c + 0.02 for c in colour)
         builder.disc(materials.metal(), (0.155, 0.0, z), (1.0, 0.0, 0.0), 0.11, (red, green, blue))
         builder.box(materials.metal(), (0.21, 0.0, z + 0.125), (0.13, 0.26, 0.015), _DARK)
-    parts = [Part(meshes=builder.meshes())]
+    parts = [_post(-0.12, 4.0, (0.07, 0.055), _DARK), Part(meshes=builder.meshes())]
     for name, (z, colour) in colours.items():
         lit = Builder()
         lit.disc(materials.bright_lamp(colour), (0.16, 0.0, z), (1.0, 0.0, 0.0), 0.105)
@@ -89,12 +90,6 @@ def traffic_light_parts(cycle: tuple[tuple[str, tuple[float, float]], ...]) -> t
         if spans:
             parts.append(Part(meshes=lit.meshes(), shown_s=spans))
     return tuple(parts)
-
-
-def _post_wide(builder: Builder) -> None:
-    builder.tube(
-        materials.metal(), (-0.12, 0.0, 0.0), (-0.12, 0.0, 4.0), (0.07, 0.055), _DARK, 8, sky_foot=0.5
-    )
 
 
 def bench(builder: Builder) -> None:

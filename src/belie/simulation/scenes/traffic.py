@@ -8,7 +8,9 @@ import numpy as np
 
 from belie.geometry import SE3
 from belie.simulation.meshes.furniture import (
+    LIGHT_BASE_M,
     LIGHT_DIMENSIONS_M,
+    SIGN_BASE_M,
     SIGN_DIMENSIONS_M,
     sign_parts,
     traffic_light_parts,
@@ -82,12 +84,13 @@ class Cast:
 
     def sign(self, kind: str, T: SE3, *, patched: bool = False) -> None:
         """Add a traffic sign that faces x of its frame: ``stop`` or a speed limit."""
-        is_stop = kind == "stop"
+        size = "stop" if kind == "stop" else "speed"
         self.actors.append(
             Actor(
                 id=self._next_id,
-                label="stop sign" if is_stop else "speed sign",
-                dimensions_m=SIGN_DIMENSIONS_M["stop" if is_stop else "speed"],
+                label=f"{size} sign",
+                dimensions_m=SIGN_DIMENSIONS_M[size],
+                base_m=SIGN_BASE_M[size],
                 motion=Parked(T=T),
                 parts=sign_parts(kind, patched=patched),
                 is_patched=patched,
@@ -101,6 +104,7 @@ class Cast:
                 id=self._next_id,
                 label="traffic light",
                 dimensions_m=LIGHT_DIMENSIONS_M,
+                base_m=LIGHT_BASE_M,
                 motion=Parked(T=T),
                 parts=traffic_light_parts(cycle),
             )

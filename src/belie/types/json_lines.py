@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any
 
-from belie.types import Verdict
+from belie.types.verdict import Verdict
 
 
 def json_line(verdict: Verdict) -> str:

@@ -1,0 +1,1 @@
+"""The middlewares, one a file; each imports its library when it is opened."""

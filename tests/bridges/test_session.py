@@ -1,0 +1,264 @@
+"""A whole session on a transport within the process: it starts, answers, survives, reloads and stops."""
+
+from __future__ import annotations
+
+import json
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import psutil
+import pytest
+from live_tools import IMAGE, INFO, ODOM, quick_settings, wait_until
+
+from belie.bridges.live import LiveSession
+from belie.bridges.wire import Offer
+from belie.geometry import CameraModel
+from belie.recordings import messages
+from belie.recordings import topics as ros
+from belie.recordings.messages import STORE
+
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@contextmanager
+def running(transport, robot, settings=None, **options) -> Iterator[LiveSession]:
+    transport.offered = transport.offered or robot.offers()
+    events: list[str] = []
+    session = LiveSession(transport, settings or quick_settings(), on_event=events.append, **options)
+    session.events = events
+    thread = threading.Thread(target=session.run, daemon=True)
+    thread.start()
+    assert wait_until(lambda: ODOM in transport.handlers), events
+    try:
+        yield session
+    finally:
+        began = time.monotonic()
+        session.request("stop")
+        thread.join(10.0)
+        session.stopped_s = time.monotonic() - began
+        assert not thread.is_alive()
+
+
+def answered(session: LiveSession) -> int:
+    return sum(session.board.statuses.values())
+
+
+def statuses(transport) -> dict[str, tuple[int, str]]:
+    """Level and message of each status in the last diagnostics."""
+    message = STORE.deserialize_cdr(transport.published["/diagnostics"][-1], DIAGNOSTICS)
+    return {status.name: (status.level, status.message) for status in message.status}
+
+
+def fault_kinds(session: LiveSession) -> set[tuple[str, str]]:
+    return {(fault.topic, fault.kind) for fault in session.board.faults()}
+
+
+def test_every_frame_is_answered_and_diagnosed(transport, robot, tmp_path):
+    path = tmp_path / "out.jsonl"
+    with running(transport, robot, json=path) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 30)
+        assert wait_until(lambda: answered(session) == 30)
+        assert wait_until(lambda: "belie: odometry /odom" in statuses(transport))
+        assert statuses(transport)["belie: input /odom"][0] == 0
+    assert session.stopped_s < 2.0
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["frame"] for line in lines] == list(range(30))
+    assert any("ready" in event for event in session.events)
+    assert transport.published["/belie/alerts"], "the latched topic must hold something from the start"
+
+
+def test_only_the_newest_frame_waits_and_drops_are_counted(transport, robot):
+    settings = quick_settings(intake={"settle_s": 0.05, "frames": 1})
+    with running(transport, robot, settings) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 3)
+        assert wait_until(lambda: answered(session) == 3)
+        robot.drive(transport, 3, 200, pause_s=0.0)
+        dropped = lambda: session.picture().inputs[0].dropped  # noqa: E731
+        assert wait_until(lambda: answered(session) + dropped() == 203)
+        assert dropped() > 0
+
+
+def test_a_silent_stream_is_stale_and_comes_back(transport, robot):
+    settings = quick_settings(answers={"period_s": 0.2, "stale_after_s": 0.3})
+    with running(transport, robot, settings) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 10, pause_s=0.02)
+        for k in range(10, 60):
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.02)
+        assert wait_until(lambda: statuses(transport)["belie: input /odom"][0] == 3)
+        assert any(
+            level == 3 for name, (level, _) in statuses(transport).items() if name == "belie: odometry /odom"
+        )
+        before = answered(session)
+        robot.drive(transport, 60, 10, pause_s=0.02)
+        assert wait_until(lambda: answered(session) == before + 10)
+        assert wait_until(lambda: statuses(transport)["belie: input /odom"][0] == 0)
+
+
+def test_damaged_messages_are_named_and_survived(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        assert wait_until(lambda: answered(session) == 5)
+        transport.send(ODOM, b"")
+        transport.send(ODOM, b"\x00\x01\x00\x00garbage")
+        transport.send(ODOM, robot.image(5))  # wrong type
+        transport.send(IMAGE, robot.odometry(5))
+        transport.send(INFO, b"\xff" * 40)
+        transport.send("/tf_static", b"\x00\x01\x00\x00\xff\xff\xff\x7f")
+        nan = messages.new("geometry_msgs/msg/Point", x=float("nan"), y=0.0, z=0.0)
+        message = STORE.deserialize_cdr(robot.odometry(5), ros.ODOMETRY)
+        message.pose.pose.position = nan
+        transport.send(ODOM, bytes(STORE.serialize_cdr(message, ros.ODOMETRY)))
+        robot.drive(transport, 6, 20)
+        assert wait_until(lambda: answered(session) == 25)
+        kinds = fault_kinds(session)
+        assert {
+            (ODOM, "malformed message"),
+            (IMAGE, "malformed message"),
+            (INFO, "malformed message"),
+        } <= kinds
+        assert (ODOM, "unusable value") in kinds
+        assert wait_until(lambda: "malformed message" in statuses(transport)["belie: input /odom"][1])
+
+
+def test_an_image_that_claims_a_gigabyte_costs_no_memory(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        assert wait_until(lambda: answered(session) == 5)
+        before = psutil.Process().memory_info().rss
+        honest = STORE.deserialize_cdr(robot.image(5), ros.IMAGE)
+        honest.width, honest.height, honest.step = 40_000, 30_000, 40_000
+        transport.send(IMAGE, bytes(STORE.serialize_cdr(honest, ros.IMAGE)))
+        claimed = bytearray(robot.image(6))
+        at = len(claimed) - 320 * 240 - 4
+        assert struct.unpack_from("<I", claimed, at) == (320 * 240,)
+        struct.pack_into("<I", claimed, at, 1_000_000_000)
+        transport.send(IMAGE, bytes(claimed))
+        robot.drive(transport, 7, 5)
+        assert wait_until(lambda: answered(session) == 10)
+        assert psutil.Process().memory_info().rss - before < 100e6
+        assert {(IMAGE, "undecodable image"), (IMAGE, "malformed message")} <= fault_kinds(session)
+
+
+def test_a_flood_on_a_claim_topic_is_bounded_and_counted(transport, robot):
+    settings = quick_settings(intake={"settle_s": 0.05, "frames": 1, "claims": 200})
+    with running(transport, robot, settings) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        assert wait_until(lambda: answered(session) == 5)
+        before = psutil.Process().memory_info().rss
+        data = robot.odometry(5)
+        frame = 6
+        until = time.monotonic() + 3.0
+        sent, began = 0, time.monotonic()
+        while time.monotonic() < until:
+            for _ in range(500):
+                transport.send(ODOM, data)
+            sent += 500
+            transport.send(IMAGE, robot.image(frame))
+            frame += 1
+            time.sleep(max(0.0, began + sent / 10_000 - time.monotonic()))
+        picture = session.picture()
+        odometry = next(one for one in picture.inputs if one.topic == ODOM)
+        assert odometry.received > 10_000
+        assert psutil.Process().memory_info().rss - before < 150e6
+        assert answered(session) > 10, "frames go on being answered"
+
+
+def test_a_reload_begins_a_new_session_on_the_same_transport(transport, robot, tmp_path):
+    path = tmp_path / "out.jsonl"
+    for turn in range(2):
+        with running(transport, robot, json=path) as session:
+            robot.introduce(transport)
+            robot.drive(transport, 0, 5)
+            assert wait_until(lambda session=session: answered(session) == 5)
+            session.request("reload")
+        assert not transport.handlers, "nobody listens for a session that is over"
+        assert len(path.read_text().splitlines()) == 5 * (turn + 1)
+
+
+@pytest.mark.parametrize("jump_s", [-100.0, 100.0])
+def test_a_clock_jump_begins_the_watch_anew(transport, robot, jump_s):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 4000, 10)
+        assert wait_until(lambda: answered(session) == 10)
+        first = 4000 + round(jump_s * 20)
+        robot.drive(transport, first, 15)
+        assert wait_until(lambda: answered(session) >= 24)
+        assert ("", "clock jump") in fault_kinds(session)
+        assert session.board.answer.verdict.frame < 20, "a new watch counts from 0"
+
+
+def test_a_changed_camera_begins_the_watch_anew(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 10)
+        assert wait_until(lambda: answered(session) == 10)
+        transport.send(INFO, robot.info(10))  # the same camera
+        assert ("", "camera info changed") not in fault_kinds(session)
+        other = CameraModel(width=320, height=240, fx=250.0, fy=250.0, cx=159.5, cy=119.5)
+        transport.send(INFO, robot.info(11, other))
+        robot.drive(transport, 12, 10)
+        assert wait_until(lambda: answered(session) == 20)
+        assert ("", "camera info changed") in fault_kinds(session)
+
+
+def test_links_that_do_not_fit_are_named(transport, robot):
+    transport.offered = [*robot.offers(), Offer(topic=ODOM, message_type="std_msgs/msg/String")]
+    transport.offered = robot.offers()
+    transport.wrong = {ODOM: "a publisher of /odom offers another reliability than is asked for"}
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        transport.offered.append(Offer(topic=ODOM, message_type="std_msgs/msg/String"))
+        assert wait_until(lambda: {(ODOM, "type mismatch"), (ODOM, "QoS mismatch")} <= fault_kinds(session))
+
+
+def test_a_missing_mount_is_waited_for_and_named(transport, robot):
+    with running(transport, robot) as session:
+        transport.send(INFO, robot.info(0))
+        robot.drive(transport, 0, 3)
+        assert wait_until(lambda: "tf_static" in session.board.state)
+        transport.send("/tf_static", robot.tf())
+        robot.drive(transport, 3, 3)
+        assert wait_until(lambda: answered(session) >= 5)
+
+
+def test_a_lie_raises_an_alert_on_the_latched_topic(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 60)
+        assert wait_until(lambda: answered(session) == 60)
+        assert not session.board.raised
+        for k in range(60, 90):
+            transport.send(ODOM, robot.odometry(k, x_m=3.0 * (k - 60)))
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: session.board.raised["odometry_spoofing"] == 1)
+        assert wait_until(
+            lambda: STORE.deserialize_cdr(transport.published["/belie/alerts"][-1], DIAGNOSTICS).status
+        )
+        alert = STORE.deserialize_cdr(transport.published["/belie/alerts"][-1], DIAGNOSTICS).status[0]
+        assert alert.level == 2
+        assert {value.key: value.value for value in alert.values}["source"] == ODOM
+        assert (
+            np.array(
+                [
+                    s.level
+                    for s in STORE.deserialize_cdr(
+                        transport.published["/diagnostics"][-1], DIAGNOSTICS
+                    ).status
+                ]
+            ).max()
+            >= 1
+        )
