@@ -13,7 +13,7 @@ from belie.detector import Config, Detector
 from belie.evaluation.calibrate_part import SettingPath, TeachingPart, changed
 from belie.evaluation.intervals import wilson_interval
 
-_NOBODY_ACCUSED = 1e-300  # false alarms an hour: what is accused would teach nothing
+_NOBODY_ACCUSED = 1e-200  # false alarms an hour: what is accused would teach nothing
 _LEAST_MESSAGES = 200  # about objects: fewer show no habit
 
 

@@ -20,6 +20,7 @@ from belie.recordings import open_recording, write_mcap
 from belie.simulation.labels import ObjectLabel
 from belie.simulation.rendered import Rendered
 from belie.simulation.scenario import Scenario
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.simulate import SimulatedRecording
 from belie.simulation.stage import Stage, View, build_world
 from belie.simulation.truth import objects_line, objects_path, write_objects
@@ -135,7 +136,7 @@ class KeptPictures:
         self.decode_ms: list[float] = []
         self._lines = iter(objects_path(bag).read_text(encoding="utf-8").splitlines())
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
         step = next(self._frames)
         self.decode_ms.append(step.decode_ms)

@@ -7,13 +7,13 @@ last boxes of a track go through a small feed-forward network, trained on the si
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from belie.checks.objects import ClassGroups
 from belie.evaluation.bench.rivals.network import Network
 from belie.evaluation.bench.rivals.protocol import Cameras
 from belie.geometry import FloatArray
@@ -22,6 +22,7 @@ from belie.types import Alert, AlertType, CheckResult, DetectionClaim, Status, S
 LENGTH = 10  # boxes of a track that are looked at: a second at 10 Hz
 WEIGHTS = Path(__file__).with_suffix(".npz")
 _LEAST = 1e-3  # probability of a label that the network has never seen
+_GROUPS = ClassGroups()
 
 
 @cache
@@ -76,10 +77,24 @@ class BoxClassifier:
         return alerts
 
     def _score(self, track: FloatArray, label: str) -> float:
-        p = self._network.probabilities(features(track)[None])[0]
-        labels = self._network.labels
-        claimed = float(p[labels.index(label)]) if label in labels else 0.0
-        return math.log(max(float(p.max()), _LEAST) / max(claimed, _LEAST))
+        p = self._network.probabilities(features(track)[None])
+        return float(contradiction(p, group_of(label), self._network)[0])
+
+
+def group_of(label: str) -> str:
+    """What a box can tell of a label: a car's is a van's.
+
+    >>> group_of("van")
+    'vehicle'
+    """
+    return _GROUPS.of(label)
+
+
+def contradiction(p: FloatArray, claimed: str, network: Network) -> FloatArray:
+    """log(p of the likeliest class / p of the claimed one) for probabilities (N, classes), shape (N,)."""
+    known = claimed in network.labels
+    of_claimed = p[:, network.labels.index(claimed)] if known else np.zeros(len(p))
+    return np.asarray(np.log(np.maximum(p.max(axis=1), _LEAST) / np.maximum(of_claimed, _LEAST)))
 
 
 def features(track: FloatArray) -> FloatArray:

@@ -88,14 +88,14 @@ def train_boxes(cache: Path) -> Network:
     drives = [box_drive(s, seed, cache) for s, seed in product(_SCENARIOS, _TRAIN)]
     tracks = [one for drive in drives for one in tracks_of(drive)]
     features = [windows_of(track, rng) for _, track in tracks]
-    labels = np.concatenate([[label] * len(f) for (label, _), f in zip(tracks, features, strict=True)])
+    groups = [[boxes.group_of(label)] * len(f) for (label, _), f in zip(tracks, features, strict=True)]
+    labels = np.concatenate(groups)
     network = fit(np.concatenate(features), labels, hidden=(48, 24))
     worst = []
     for drive in (box_drive(s, seed, cache) for s, seed in product(_SCENARIOS, _PROVE)):
         for label, track in tracks_of(drive):
             p = network.probabilities(windows_of(track, rng))
-            claimed = p[:, network.labels.index(label)] if label in network.labels else np.zeros(len(p))
-            worst.append(float(np.max(np.log(np.maximum(p.max(axis=1), 1e-3) / np.maximum(claimed, 1e-3)))))
+            worst.append(float(boxes.contradiction(p, boxes.group_of(label), network).max()))
     threshold = float(np.quantile(worst, 1.0 - _TRACKS_ACCUSED))
     print(
         f"boxes: {len(tracks)} tracks train, {len(worst)} prove; classes {network.labels}; threshold "
