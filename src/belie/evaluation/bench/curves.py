@@ -19,6 +19,7 @@ ALERT_OF_GOAL: Mapping[str, AlertType] = {
     "OS": AlertType.ODOMETRY_SPOOFING, "PS": AlertType.POSITION_SPOOFING, "OH": AlertType.OBSTACLE_HIDING,
     "OM": AlertType.OBJECT_MISCLASSIFICATION,
 }  # fmt: skip
+_TALL = 20.0  # times the threshold: beyond, a linear axis shows nothing else
 _CHECKS = {"OS": ("odometry",), "PS": ("position",), "OH": ("hiding",), "OM": ("misclassification",)}
 
 
@@ -138,3 +139,6 @@ def _draw_run(axis: Any, store: Store, run: RunRecord, goal: str, colour: str) -
     if run.caught and run.delay_frames is not None:
         axis.axvline(onset + run.delay_frames, color=ALERT, linewidth=1.1)
     axis.set_xlim(begin, end)
+    if max((worst[frame] for frame in frames), default=0.0) > _TALL:
+        axis.set_yscale("symlog", linthresh=2.0)
+        axis.set_ylim(bottom=0.0)
