@@ -148,7 +148,8 @@ def table_i(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str, Riv
         title="The paper's Table I, as measured here and as published",
         note="Success: the right alert on the right source within the attack or a second after, with Wilson's 95 % "
         "interval, over the attacks that a detector judges at all. A success rate says little without the false "
-        "alerts: those are of honest runs, with the upper bound. Latency: of all frames of the attacked runs, p50 / p95 in ms, decoding apart. "
+        "alerts: those are of honest runs, with the upper bound. Latency: of all frames of the attacked runs, p50 / "
+        "p95 in ms, decoding apart. "
         "Published columns are others' figures, from other machines and recordings.",
         head=(*measured_heads, *(f"{goal} ms" for goal in GOALS), *published_heads),
         rows=tuple(rows),
