@@ -79,7 +79,7 @@ def summarise(
         *_when(any(r.goal in GOALS for r in tried), lambda: table_i(suite, tried, makers)),
         *_when(any(r.spec is None for r in tried), lambda: honest_table(suite, tried)),
         *_when(any(r.spec for r in tried), lambda: success_table(suite, tried, makers)),
-        *_when(any(r.spec for r in tried), lambda: delay_table(suite, tried)),
+        *_when(any(r.spec for r in tried), lambda: delay_table(suite, tried, makers)),
         *_when(_sweeps(suite), lambda: smallest_table(suite, tried, makers)),
         *_when(any(g.ramp for g in suite.attacks), lambda: stealth_table(suite, tried, makers)),
         *([closed_loop] if closed_loop else []),
@@ -207,11 +207,11 @@ def success_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[st
     )
 
 
-def delay_table(suite: Suite, records: Sequence[RunRecord]) -> Table:
+def delay_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str, RivalMaker]) -> Table:
     """How late the hits came, and how often the first alert was the right one."""
     rows = []
     for rival in suite.rivals:
-        for goal, own in _by([r for r in records if r.rival == rival and r.spec], lambda r: r.family or ""):
+        for goal, own in _by(_judged(records, rival, makers), lambda r: r.family or ""):
             hits = [r for r in own if r.caught]
             frames = [r.delay_frames for r in hits if r.delay_frames is not None]
             ms = [r.delay_ms for r in hits if r.delay_ms is not None]
