@@ -86,7 +86,7 @@ class AttackCase:
 
     Parameters
     ----------
-    family, goal, unit, within
+    family, goal, unit, within, target
         See `belie.evaluation.bench.suite.Attacks`.
     spec : str
         As `belie.attacks.attack` takes it.
@@ -103,6 +103,7 @@ class AttackCase:
     magnitude: float | None = None
     unit: str = ""
     within: int | None = None
+    target: str = "any"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +121,7 @@ class RunCase:
 
     def key(self, rival_key: str) -> str:
         """Names everything that its outcome follows from."""
-        spec = None if self.attack is None else self.attack.spec
+        spec = None if self.attack is None else [self.attack.spec, self.attack.target]
         return content_key([self.recording.key, spec, self.rival, rival_key, code_key(_RUN_CODE, _NOT_RUN)])
 
 
@@ -171,6 +172,7 @@ def attack_cases(group: Attacks) -> Iterator[AttackCase]:
             magnitude=magnitude,
             unit=group.unit,
             within=group.within,
+            target=group.target,
         )
 
 

@@ -12,6 +12,7 @@ from belie.evaluation.bench.recorded import load
 from belie.evaluation.bench.rivals import RivalMaker
 from belie.evaluation.bench.store import RunRecord, Store
 from belie.evaluation.bench.suite import Suite
+from belie.evaluation.bench.targets import targeted
 from belie.evaluation.report import write_report
 from belie.evaluation.run import run_detector
 
@@ -44,7 +45,7 @@ def write_reports(
             if case.attack is None:
                 write_report(run_detector(frames, config), path)
             else:
-                attacked = attack(frames, case.attack.spec)
+                attacked = attack(frames, targeted(frames, case.attack))
                 write_report(run_detector(attacked, config), path, labels=attacked.labels)
         links.append(
             (f"{why}: {record.rival}, {record.recording}, {record.spec or 'honest'}", f"reports/{path.name}")

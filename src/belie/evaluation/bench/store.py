@@ -121,7 +121,7 @@ def record_of(
         "seed": recording.scenario.seed if hasattr(recording, "scenario") else recording.seed,
     }  # fmt: skip
     if attack is not None:
-        known |= asdict(attack)
+        known |= {name: value for name, value in asdict(attack).items() if name != "target"}
     if found is None:
         return RunRecord(**known, not_applicable=why_not)
     label = next(iter(labels), None)

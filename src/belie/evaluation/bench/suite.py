@@ -76,6 +76,11 @@ class Attacks(Settings):
     within: int | None = Field(
         None, description="frames within which an alert is a hit; to the end of the attack if left out", ge=1
     )
+    target: Literal["any", "staying"] = Field(
+        "any",
+        description="of attacks on objects: as the attack chooses (the largest), or the largest that stays in view "
+        "throughout: hiding what leaves anyway is no attack",
+    )
     where: tuple[str, ...] = Field((), description="scenarios or recordings it is tried on; all if left out")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from belie.attacks import AttackLabel, attack
@@ -17,6 +17,7 @@ from belie.evaluation.bench.rivals import RivalMaker, rival_maker
 from belie.evaluation.bench.rivals.belie_rival import BelieRival
 from belie.evaluation.bench.rivals.remembered import OtherImagesError, Sight
 from belie.evaluation.bench.store import Store, record_of
+from belie.evaluation.bench.targets import targeted
 from belie.types import AttackError, BelieError, ConfigError, MissingExtraError
 
 
@@ -84,12 +85,14 @@ def _run(case: RunCase, key: str, maker: RivalMaker, seen: _Seen, store: Store) 
         store.save(record_of(case, key, found, (), size=_size(seen)), found.table)
         return
     try:
-        attacked = attack(seen.frames, case.attack.spec)
+        spec = targeted(seen.frames, case.attack)
+        attacked = attack(seen.frames, spec)
         labels = attacked.labels
     except AttackError as error:
         store.save(record_of(case, key, None, (), why_not=str(error)), None)
         return
     frames = MemoryRecording(name=case.name, cameras=seen.frames.cameras, joined=tuple(attacked.steps()))
+    case = replace(case, attack=replace(case.attack, spec=spec))
     found = _measured(maker, seen, frames, camera=labels[0].stream == "camera", labels=labels)
     store.save(record_of(case, key, found, labels, size=_size(seen)), found.table)
 
