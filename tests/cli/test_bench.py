@@ -122,3 +122,25 @@ def test_what_is_misspelt_is_told_in_one_line(run, arguments, said, tmp_path):
     assert result.exit_code == 2
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_what_is_wrong_with_every_run_ends_the_suite_in_one_line(run, suite, tmp_path, monkeypatch):
+    (tmp_path / "needy.py").write_text(
+        "from belie.types import MissingExtraError\n\n\nclass Needy:\n    def __init__(self, cameras):\n"
+        "        raise MissingExtraError('torch', 'bench')\n\n    def update(self, step):\n        return []\n"
+    )
+    result = run(
+        "bench",
+        suite,
+        "-o",
+        tmp_path / "out",
+        "-j",
+        1,
+        "--only",
+        "needy:Needy",
+        "--cache",
+        tmp_path / "cache",
+    )
+    assert result.exit_code == 2
+    assert "torch is not installed; run: pip install 'belie[bench]'" in result.stderr
+    assert result.stderr.count("\n") == 1

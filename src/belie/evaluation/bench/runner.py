@@ -17,6 +17,7 @@ from belie.evaluation.bench.rivals import RivalMaker, rival_maker
 from belie.evaluation.bench.store import Store
 from belie.evaluation.bench.suite import Suite
 from belie.evaluation.bench.worker import Task, run_loop, run_task, start_worker
+from belie.types import ConfigError
 
 _MOST_ATTEMPTS = 2  # of a task whose process died
 _RUNS_A_TASK = 60  # so that what a failing process takes with it is little, and the bar moves
@@ -148,6 +149,8 @@ def _run(tasks: Sequence[Task], jobs: int, look: Callable[[], None], store: Stor
                         error = future.exception()
                         if isinstance(error, BrokenProcessPool):
                             broken.append(_Attempts(one.task, one.count + 1))
+                        elif isinstance(error, ConfigError):
+                            raise error
                         elif error is not None:
                             _give_up(one.task, store, f"{type(error).__name__}: {error}")
             except BaseException:
@@ -170,6 +173,8 @@ def _drive(loops: Sequence[Loop], jobs: int, look: Callable[[], None], store: St
             look()
             for future in ready:
                 loop, error = running.pop(future), future.exception()
+                if isinstance(error, ConfigError):
+                    raise error
                 if error is not None:
                     store.fail(loop.name, loop.key, f"{type(error).__name__}: {error}")
 

@@ -58,8 +58,8 @@ def run_task(task: Task) -> None:
     store = Store(task.store)
     try:
         seen = _load(task)
-    except (MissingExtraError, ConfigError):
-        raise
+    except (MissingExtraError, ConfigError) as error:
+        raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
         for case, key in task.runs:
             store.fail(case.name, key, _line(error))
@@ -68,6 +68,8 @@ def run_task(task: Task) -> None:
         try:
             maker = rival_maker(case.rival, task.config)
             _run(case, key, maker, seen, store)
+        except (MissingExtraError, ConfigError) as error:
+            raise ConfigError(str(error)) from None
         except Exception as error:
             store.fail(case.name, key, _line(error))
 
@@ -124,8 +126,8 @@ def run_loop(loop: Loop, folder: Path) -> None:
     store = Store(folder)
     try:
         drive(loop, store)
-    except (MissingExtraError, ConfigError):
-        raise
+    except (MissingExtraError, ConfigError) as error:
+        raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
         store.fail(loop.name, loop.key, _line(error))
 
