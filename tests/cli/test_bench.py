@@ -27,7 +27,7 @@ onsets = [5000]
 RIVALS = """
 class Silent:
     def __init__(self, cameras):
-        self.judges = ()
+        pass
 
     def update(self, step):
         return []
@@ -98,6 +98,20 @@ def test_a_detector_that_fails_is_told_of_and_stops_nobody_else(run, suite, tmp_
     assert "7 of 9 runs" in result.stdout
     assert result.stderr.count("RuntimeError: no idea") == 2
     assert "failed: bench_rivals:Broken, drive" in result.stderr
+
+
+def test_attacks_that_a_detector_cannot_answer_are_not_run_on_it(run, suite, tmp_path):
+    arguments = (
+        "-o",
+        tmp_path / "out",
+        "-j",
+        1,
+        "--cache",
+        tmp_path / "cache",
+        "--only",
+        "bench_rivals:Picky",
+    )
+    assert "1 of 1 runs; " in run("bench", suite, *arguments).stdout  # the honest one
 
 
 def test_suites_are_listed_and_printed_to_be_copied(run, tmp_path):

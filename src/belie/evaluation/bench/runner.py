@@ -9,6 +9,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from belie.attacks import parse_attack
+from belie.attacks.expected_alert import expected_alert
 from belie.detector import Config
 from belie.evaluation.bench.cache import CacheSettings, make_room
 from belie.evaluation.bench.cases import RecordingCase, RunCase, runs_of
@@ -75,7 +77,10 @@ def run_suite(
         Before anything runs: on an unknown rival, scenario or recording.
     """
     makers = {name: rival_maker(name, config) for name in suite.rivals}
-    matrix = runs_of(suite)
+    matrix = [
+        (recording, [c for c in cases if _is_judged(c, makers[c.rival])])
+        for recording, cases in runs_of(suite)
+    ]
     keys = [case.key(makers[case.rival].key) for _, cases in matrix for case in cases]
     loops = loops_of(suite.closed_loop, config)
     keys += [loop.key for loop in loops]
@@ -99,6 +104,11 @@ def run_suite(
         make_room(folder, cache.limit_gb)
     report(store.settled(keys), len(keys))
     return Outcome(keys=tuple(keys), resumed=len(done), failures=tuple(store.failures(keys)))
+
+
+def _is_judged(case: RunCase, maker: RivalMaker) -> bool:
+    """Whether the detector can answer such an attack at all; others are not run on it."""
+    return case.attack is None or expected_alert(parse_attack(case.attack.spec)) in maker.judges
 
 
 def _tasks(
