@@ -36,6 +36,10 @@ class Silent:
 class Broken(Silent):
     def update(self, step):
         raise RuntimeError("no idea")
+
+
+class Picky(Silent):
+    judges = ("camera_fault",)
 """
 
 
@@ -111,7 +115,9 @@ def test_attacks_that_a_detector_cannot_answer_are_not_run_on_it(run, suite, tmp
         "--only",
         "bench_rivals:Picky",
     )
-    assert "1 of 1 runs; " in run("bench", suite, *arguments).stdout  # the honest one
+    result = run("bench", suite, *arguments)
+    assert result.exit_code == 0, result.output
+    assert "1 of 1 runs; " in result.stdout  # the honest one
 
 
 def test_suites_are_listed_and_printed_to_be_copied(run, tmp_path):
