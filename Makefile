@@ -2,7 +2,7 @@
 PYTHON ?= python3
 PYTEST ?= $(PYTHON) -m pytest
 
-.PHONY: check lint types layers test slow format install demo-drive
+.PHONY: check lint types layers test slow bench format install demo-drive
 
 check: lint types layers test
 
@@ -21,6 +21,10 @@ test:
 
 slow:
 	$(PYTEST) -n 2 -m slow
+
+# Every kind of attack against every detector, in a minute; see docs/benchmark.md.
+bench:
+	$(PYTHON) -c "from belie.cli.main import app; app()" bench quick -o $(or $(RESULTS),results) --reports 1
 
 format:
 	$(PYTHON) -m ruff format .

@@ -13,7 +13,7 @@ import numpy as np
 
 from _recordings import CAMERA, MemoryRecording, data_folder
 from belie.geometry import SE3, CameraModel, FloatArray
-from belie.types import Claim, Detection, DetectionClaim, Frame, MountedCamera, Step
+from belie.types import Detection, DetectionClaim, Frame, MountedCamera, Step
 
 RECORDINGS = ("kitti00", "traffic", "carla_crossing")
 SOURCE = "/detections"
@@ -136,7 +136,7 @@ def detected(
     """
     rng = np.random.default_rng([seed, len(images.name)])
     size = np.array([images.camera.model.width, images.camera.model.height] * 2, float)
-    steps, claims = [], []
+    steps = []
     for frame, objects in zip(images.frames, images.objects, strict=True):
         told = []
         for o in objects:
@@ -151,13 +151,5 @@ def detected(
         claim = DetectionClaim(
             source=SOURCE, stamp_ns=frame.stamp_ns, received_ns=frame.stamp_ns, detections=tuple(told)
         )
-        claims.append(claim)
         steps.append(Step(frame=frame, claims=(claim,)))
-    listed: tuple[Claim, ...] = tuple(claims)
-    return MemoryRecording(
-        name=images.name,
-        cameras={CAMERA: images.camera},
-        frames=images.frames,
-        claims=listed,
-        joined=tuple(steps),
-    )
+    return MemoryRecording(name=images.name, cameras={CAMERA: images.camera}, joined=tuple(steps))

@@ -150,7 +150,7 @@ def run(job: tuple[str, str, str, int, str]) -> Trial:
     last = label.start_frame + WITHIN + 3
     steps = tuple(attacked.steps())[:last]
     base = detected(annotated(name), seed)
-    cut = MemoryRecording(name=name, cameras=base.cameras, frames=base.frames, claims=(), joined=steps)
+    cut = MemoryRecording(name=name, cameras=base.cameras, joined=steps)
     raised, statuses = alerts_of(cut, profile)
     delay, wrong = None, []
     for index, alert in raised:

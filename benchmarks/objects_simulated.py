@@ -158,10 +158,7 @@ def claims_of(job: Job, drive: Drive, profile: str, miss_run: float | None) -> M
     steps = tuple(
         Step(frame=step.frame, claims=tuple(c for c in step.claims if keep(c))) for step in recording.steps()
     )
-    return MemoryRecording(
-        name=job.bag.stem, cameras=dict(recording.cameras), frames=tuple(s.frame for s in steps),
-        claims=tuple(c for s in steps for c in s.claims), joined=steps,
-    )  # fmt: skip
+    return MemoryRecording(name=job.bag.stem, cameras=recording.cameras, joined=steps)
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""``belie calibrate``: noise settings from attack-free driving."""
+"""``belie calibrate``: settings from attack-free driving."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from belie.cli.options import (
     Rate,
 )
 
-_MOST_PASSES = 6  # of the whole, at most: the learning passes read two thirds
+_MOST_PASSES = 10  # of the whole, at most: the learning passes read two thirds
 
 
 def calibrate(
@@ -43,10 +43,12 @@ def calibrate(
     detections: Detections = None,
     rate: Rate = None,
 ) -> None:
-    """Learn the noise of your streams from attack-free driving, and write it as settings.
+    """Learn how noisy your streams are from attack-free driving, and write it as settings.
 
-    The first two thirds of each recording teach; the last third is checked with the outcome, and must raise
-    no alert. Recordings that raise alerts as they are look attacked and are refused. The written file says
+    Learned are the noise of odometry and IMU, how often your object detector misses and misnames, and a stated
+    rate that the tails of the statistics keep; told are clock offsets and correlations. The first two thirds of
+    each recording teach; the last third is checked with the outcome, and must raise no alert. Recordings that
+    raise alerts as they are look attacked and are refused. The written file says
     how much driving stands behind it, and which false-alarm rate so much driving can prove.
 
     \b

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from belie.cli import attack, calibrate, check, config, demo, info, live, play, simulate
+from belie.cli import attack, bench, calibrate, check, config, demo, info, live, play, simulate
 from belie.cli.errors import OneLineGroup
 
 app = typer.Typer(
@@ -66,3 +66,6 @@ app.command("calibrate", short_help="Learn noise settings from attack-free drivi
 app.command(
     "simulate", cls=simulate.SimulateCommand, short_help="Render a recording, with sensors and truth."
 )(simulate.simulate)
+app.command("bench", short_help="Detectors against attacks, measured: the paper's table, and yours.")(
+    bench.bench
+)

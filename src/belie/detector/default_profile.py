@@ -16,6 +16,7 @@ import numpy as np
 from belie.checks import CameraCheck, ImuCheck, OdometryCheck, PositionCheck
 from belie.detector.alerts import Judgement
 from belie.detector.config import Config
+from belie.detector.eyes import Eyes
 from belie.detector.object_view import ObjectView
 from belie.detector.objects import ObjectStage
 from belie.detector.streams import StreamKey, Streams
@@ -34,9 +35,9 @@ _MOST_WITHHELD = 3  # frames: so long may the camera's doubts about itself prote
 class DefaultProfile:
     """All checks by one camera."""
 
-    def __init__(self, name: str, camera: MountedCamera, config: Config) -> None:
+    def __init__(self, name: str, camera: MountedCamera, config: Config, *, eyes: Eyes | None = None) -> None:
         self._camera, self._config = camera, config
-        self._odometry = VisualOdometry(camera.model, config.visual_odometry, config.tracking)
+        self._odometry: Eyes = eyes or VisualOdometry(camera.model, config.visual_odometry, config.tracking)
         self._camera_check = CameraCheck(name, config.camera)
         self._motion_checks: dict[StreamKey, OdometryCheck | ImuCheck] = {}
         self._position_checks: dict[str, PositionCheck] = {}

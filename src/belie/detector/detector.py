@@ -10,6 +10,7 @@ import numpy as np
 from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.config import Config
 from belie.detector.default_profile import DefaultProfile
+from belie.detector.eyes import Eyes
 from belie.detector.object_view import ObjectView
 from belie.detector.paper_profile import PaperProfile
 from belie.geometry import SE3, CameraModel, DistortionModel
@@ -36,11 +37,14 @@ class Detector:
         The camera to judge by, keyed by the name that its frames carry.
     config : Config
         All settings.
+    eyes : Eyes, optional
+        Sees the camera's motion instead of a fresh `VisualOdometry`: for whoever checks many claims against the same
+        images, and need not look at them again. The `paper` profile sees by the claims, and takes none.
 
     Raises
     ------
     ValueError
-        If there is not exactly one camera.
+        If there is not exactly one camera, or eyes are given to the `paper` profile.
 
     Examples
     --------
@@ -51,13 +55,19 @@ class Detector:
     'undecided'
     """
 
-    def __init__(self, cameras: Mapping[str, MountedCamera], config: Config | None = None) -> None:
+    def __init__(
+        self,
+        cameras: Mapping[str, MountedCamera],
+        config: Config | None = None,
+        *,
+        eyes: Eyes | None = None,
+    ) -> None:
         if len(cameras) != 1:
             raise ValueError(f"one camera is judged by, got {len(cameras)}: {sorted(cameras)}")
         self.config = config or Config()
         ((self._name, self._camera),) = cameras.items()
         _warm_up(self.config)
-        self._profile = _profile(self._name, self._camera, self.config)
+        self._profile = _profile(self._name, self._camera, self.config, eyes)
         self._alerts = AlertBook()
         self._frames = 0
         self._last_ns: int | None = None
@@ -142,8 +152,14 @@ class Detector:
             )
 
 
-def _profile(name: str, camera: MountedCamera, config: Config) -> DefaultProfile | PaperProfile:
-    return (PaperProfile if config.profile == "paper" else DefaultProfile)(name, camera, config)
+def _profile(
+    name: str, camera: MountedCamera, config: Config, eyes: Eyes | None = None
+) -> DefaultProfile | PaperProfile:
+    if config.profile == "default":
+        return DefaultProfile(name, camera, config, eyes=eyes)
+    if eyes is not None:
+        raise ValueError("the paper profile sees by the claims: it takes no eyes")
+    return PaperProfile(name, camera, config)
 
 
 def _overall(judgements: list[Judgement]) -> Status:

@@ -1,8 +1,10 @@
-"""Noise settings from attack-free driving, proven on driving that they were not made from.
+"""Settings from attack-free driving, proven on driving that they were not made from.
 
-Two thirds of every recording teach how noisy its streams are; the last third is checked with the outcome. The
-`default` profile's thresholds follow from the stated false-alarm rate, so what is measured is the noise that
-they are in units of. The `paper` profile has bare thresholds, which are set for the stated rate.
+Two thirds of every recording teach; the last third is checked with the outcome. The `default` profile's thresholds
+follow from the stated false-alarm rate, so what is measured is the noise that they are in units of (`calibrate_noise`),
+the errors of the object detector (`calibrate_objects`), and whether the tail of each statistic keeps that rate
+(`calibrate_tail`). Clock offsets and correlations are told (`calibrate_streams`): the checks allow for the one by their
+noise, and whiten the other as they run. The `paper` profile has bare thresholds, which are set for the stated rate.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from belie.detector import Config
 from belie.evaluation.calibrate_noise import learn_noise
 from belie.evaluation.calibrate_objects import learn_habits
 from belie.evaluation.calibrate_part import TeachingPart, changed
+from belie.evaluation.calibrate_streams import stream_notes
+from belie.evaluation.calibrate_tail import tails, tightened
 from belie.evaluation.calibrate_thresholds import learn_thresholds
 from belie.evaluation.intervals import poisson_upper
 from belie.evaluation.run import Checked, Run, run_detector
@@ -38,6 +42,8 @@ class Calibration:
         Seconds of driving that taught, and that proved.
     largest_ratio : mapping of str to float
         For each check and stream, the largest statistic over threshold on the held-out part; 1 is an alarm.
+    seen : tuple of str
+        What else was seen, line by line: clocks, correlations, the detector's errors, tails.
     """
 
     config: Config
@@ -45,6 +51,7 @@ class Calibration:
     learnt_s: float
     held_out_s: float
     largest_ratio: Mapping[str, float]
+    seen: tuple[str, ...] = ()
 
     @property
     def provable_per_hour(self) -> float:
@@ -68,6 +75,7 @@ class Calibration:
                 "The wanted rate rests on the noise model; "
                 f"to prove it takes {_period(3600.0 * hours)} of driving."
             )
+        lines += self.seen
         lines += [
             f"Held out: {name} came to {ratio:.2f} of its threshold at most."
             for name, ratio in self.largest_ratio.items()
@@ -110,15 +118,21 @@ def calibrate(
         raise ValueError("at least one recording is needed")
     advance = on_frame or (lambda: None)
     parts = [TeachingPart.of(recording) for recording in recordings]
-    if config.profile == "default":
-        config, habits = learn_habits(parts, config, advance)
-    else:
-        habits = {}
+    # What is accused teaches nothing yet: a detector that misses more than is usual is no attacker, but an attack
+    # must not excuse itself.
     judge = changed(config, {("profile",): "default"})
+    careful = learn_habits(parts, judge, advance, from_accused=False).config
     for recording in recordings:
-        _require_no_alerts(run_detector(recording, judge, on_verdict=lambda _: advance()))
+        _require_no_alerts(run_detector(recording, careful, on_verdict=lambda _: advance()))
+    habits = learn_habits(parts, judge, advance)
+    if config.profile == "default":
+        config = habits.config
     learn = learn_thresholds if config.profile == "paper" else learn_noise
     calibrated, notes = learn(parts, config, advance)
+    seen: list[str] = []
+    if config.profile == "default":
+        calibrated, more, seen = _beyond_noise(parts, calibrated, advance)
+        notes, seen = {**habits.notes, **notes, **more}, [*habits.words, *seen]
     ratios: dict[str, float] = {}
     for part in parts:
         run = run_detector(part.recording, calibrated, on_verdict=lambda _: advance())
@@ -127,11 +141,23 @@ def calibrate(
         _require_proof(run, part.until_ns)
     return Calibration(
         config=calibrated,
-        notes={**habits, **notes},
+        notes=notes,
         learnt_s=sum(part.learnt_s for part in parts),
         held_out_s=sum(part.held_out_s for part in parts),
         largest_ratio=ratios,
+        seen=tuple(seen),
     )
+
+
+def _beyond_noise(
+    parts: Sequence[TeachingPart], config: Config, advance: Callable[[], None]
+) -> tuple[Config, dict[str, str], list[str]]:
+    """A stricter stated rate where the tails ask for it; and clocks, correlations and tails in words."""
+    words = [note.in_words() for note in stream_notes(parts, config, advance)]
+    found = tails([run_detector(part, config, on_verdict=lambda _: advance()) for part in parts])
+    words += [tail.in_words() for tail in found]
+    stricter, why = tightened(found, config)
+    return changed(config, stricter), why, words
 
 
 def _require_no_alerts(run: Run) -> None:

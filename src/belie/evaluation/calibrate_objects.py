@@ -6,41 +6,90 @@ checks must first see its gaps, and take the first long one for a lie.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from belie.detector import Config, Detector
 from belie.evaluation.calibrate_part import SettingPath, TeachingPart, changed
+from belie.evaluation.intervals import wilson_interval
 
-_NOBODY_ACCUSED = 1e-300  # false alarms an hour: what is accused would teach nothing
+_NOBODY_ACCUSED = 1e-200  # false alarms an hour: what is accused would teach nothing
 _LEAST_MESSAGES = 200  # about objects: fewer show no habit
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearntHabits:
+    """What `learn_habits` found.
+
+    Parameters
+    ----------
+    config : Config
+        The settings, with the habits of the detectors that were heard.
+    notes : mapping of str to str
+        On each setting that changed, by dotted name.
+    words : tuple of str
+        What was seen, line by line, with intervals (Wilson, 95 %).
+    """
+
+    config: Config
+    notes: Mapping[str, str]
+    words: tuple[str, ...]
+
+
 def learn_habits(
-    parts: Sequence[TeachingPart], config: Config, advance: Callable[[], None]
-) -> tuple[Config, dict[str, str]]:
-    """Settings with the habits of the detectors that were heard, and a note on each that changed, by dotted name.
+    parts: Sequence[TeachingPart],
+    config: Config,
+    advance: Callable[[], None],
+    *,
+    from_accused: bool = True,
+) -> LearntHabits:
+    """Settings with the habits of the detectors that were heard.
 
     Where several detectors were heard, each setting is that of the one which errs most.
 
+    Parameters
+    ----------
+    parts : sequence of TeachingPart
+        Attack-free.
+    config : Config
+        Where to start from.
+    advance : callable
+        Is called for every frame.
+    from_accused : bool
+        Whether errors teach that the settings as they are take for an attack.
+
     Examples
     --------
-    >>> config, notes = learn_habits([], Config(), lambda: None)
-    >>> config == Config(), notes
-    (True, {})
+    >>> learnt = learn_habits([], Config(), lambda: None)
+    >>> learnt.config == Config(), learnt.words
+    (True, ())
     """
-    measuring = changed(config, {("sequential", "false_alarms_per_hour"): _NOBODY_ACCUSED})
+    nobody: dict[SettingPath, object] = {("sequential", "false_alarms_per_hour"): _NOBODY_ACCUSED}
+    measuring = changed(config, nobody) if from_accused else config
     found: dict[str, float] = {}
-    messages = 0.0
+    words, messages = [], 0.0
     for part in parts:
         detector = Detector(part.cameras, measuring)
         for step in part.steps():
             detector.update(step.frame, step.claims)
             advance()
-        for habits in detector.object_habits().values():
+        for source, habits in detector.object_habits().items():
             if habits["messages"] >= _LEAST_MESSAGES:
                 messages += habits["messages"]
+                words.append(f"{source}: {_in_words(habits)}")
                 for name in ("miss_rate", "confusion_rate", "persistence_s"):
                     found[name] = max(habits[name], found.get(name, 0.0))
     changes: dict[SettingPath, object] = {("objects", name): float(f"{v:.3g}") for name, v in found.items()}
     notes = {f"objects.{name}": f"calibrated: {messages:.0f} messages about objects" for name in found}
-    return changed(config, changes), notes
+    return LearntHabits(config=changed(config, changes), notes=notes, words=tuple(words))
+
+
+def _in_words(habits: Mapping[str, float]) -> str:
+    count = round(habits["messages"])
+    said = []
+    for what, name in (("misses", "miss_rate"), ("misnames", "confusion_rate")):
+        interval = wilson_interval(min(round(habits[name] * count), count), count)
+        assert interval is not None
+        share, low, high = (f"{100 * x:.2f}" for x in (habits[name], *interval))
+        said.append(f"{what} {share} % ({low} to {high} %)")
+    return f"{' and '.join(said)} of {count} messages about objects that it should see"

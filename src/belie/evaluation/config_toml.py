@@ -81,10 +81,10 @@ def _table(settings: Settings, path: tuple[str, ...], notes: Mapping[str, str]) 
         default = value if field.is_required() else field.get_default(call_default_factory=True)
         yield from _comment(field.description or "")
         if value != default:
-            yield from _comment(f"default: {_value(default)}")
+            yield from _comment(f"default: {toml_value(default)}")
         yield from _comment(notes.get(".".join((*path, name)), ""))
         # TOML has no null: a setting without a value is left out.
-        yield f"# {name} is not set" if value is None else f"{name} = {_value(value)}"
+        yield f"# {name} is not set" if value is None else f"{name} = {toml_value(value)}"
     for name in groups:
         yield from _table(getattr(settings, name), (*path, name), notes)
 
@@ -97,7 +97,12 @@ def _comment(text: str) -> list[str]:
     ]
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it.
+
+    >>> toml_value((1, 2.5, "x"))
+    '[1, 2.5, "x"]'
+    """
     if value is None:
         return "not set"
     if isinstance(value, bool):
@@ -105,9 +110,9 @@ def _value(value: Any) -> str:
     if isinstance(value, float):
         return _float(value)
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_value(item) for item in value)}]"
+        return f"[{', '.join(toml_value(item) for item in value)}]"
     if isinstance(value, dict):  # an inline table: TOML allows it no line breaks
-        return f"{{{', '.join(f'{json.dumps(key)} = {_value(item)}' for key, item in value.items())}}}"
+        return f"{{{', '.join(f'{json.dumps(key)} = {toml_value(item)}' for key, item in value.items())}}}"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     return str(value)

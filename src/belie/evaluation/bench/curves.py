@@ -1,0 +1,144 @@
+"""The curves of a suite, as SVG to be set into a page: detection and delay against false alarms, and single runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from belie.evaluation.bench.published import FIGURE_5
+from belie.evaluation.bench.store import RunRecord, Store
+from belie.evaluation.bench.summary import GOALS
+from belie.evaluation.bench.sweep import FACTORS
+from belie.evaluation.figures import ALERT, QUIET, svg
+from belie.types import AlertType
+
+_COLOURS = ("#1b6ca8", "#c26a00", "#6a4c93", "#3a7d44", "#8c564b", "#5c6166")
+ALERT_OF_GOAL: Mapping[str, AlertType] = {
+    "OS": AlertType.ODOMETRY_SPOOFING, "PS": AlertType.POSITION_SPOOFING, "OH": AlertType.OBSTACLE_HIDING,
+    "OM": AlertType.OBJECT_MISCLASSIFICATION,
+}  # fmt: skip
+_TALL = 20.0  # times the threshold: beyond, a linear axis shows nothing else
+_CHECKS = {"OS": ("odometry",), "PS": ("position",), "OH": ("hiding",), "OM": ("misclassification",)}
+
+
+def colour_of(rival: str, rivals: Sequence[str]) -> str:
+    """The same colour for the same detector in every figure.
+
+    >>> colour_of("default", ["default", "paper"])
+    '#1b6ca8'
+    """
+    return _COLOURS[rivals.index(rival) % len(_COLOURS)]
+
+
+def operating_curve(
+    records: Sequence[RunRecord], rival: str, alert: str
+) -> list[tuple[float, float, float | None]]:
+    """(False alarms an hour, share caught, median delay in frames) for every factor of the thresholds."""
+    own = [r for r in records if r.rival == rival and r.not_applicable is None]
+    honest = [r for r in own if r.spec is None]
+    hours = sum(r.honest_s for r in honest) / 3600.0
+    delays = [r.delays[alert] for r in own if r.delays and alert in r.delays and r.alert == alert]
+    if not hours or not delays:
+        return []
+    rises = np.zeros(len(FACTORS))
+    for r in honest:
+        rises += np.array((r.episodes or {}).get(alert, [0] * len(FACTORS)))
+    curve = []
+    for k in range(len(FACTORS)):
+        found = [float(delay) for row in delays if (delay := row[k]) is not None]
+        curve.append((rises[k] / hours, len(found) / len(delays), float(np.median(found)) if found else None))
+    return curve
+
+
+def roc_figure(records: Sequence[RunRecord], rivals: Sequence[str]) -> str:
+    """Share caught, and median delay, against false alarms an hour; empty where nothing can be drawn."""
+    goals = [g for g in GOALS if any(operating_curve(records, r, ALERT_OF_GOAL[g].value) for r in rivals)]
+    if not goals:
+        return ""
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(2, len(goals), squeeze=False, sharex=True)
+        for column, goal in enumerate(goals):
+            for rival in rivals:
+                curve = operating_curve(records, rival, ALERT_OF_GOAL[goal].value)
+                if not curve:
+                    continue
+                x = np.array([max(rate, 0.0) for rate, _, _ in curve])
+                colour, now = colour_of(rival, rivals), int(np.argmin(np.abs(np.array(FACTORS) - 1.0)))
+                for row, values in enumerate(
+                    ([c[1] for c in curve], [np.nan if c[2] is None else c[2] for c in curve])
+                ):
+                    axes[row, column].plot(x, values, color=colour, label=rival, linewidth=1.4)
+                    axes[row, column].plot(x[now], values[now], "o", color=colour, markersize=5)
+            axes[0, column].set_title(GOALS[goal], fontsize=9.0)
+            axes[0, column].set_ylim(-0.03, 1.03)
+            axes[1, column].set_xscale("symlog", linthresh=1.0)
+            axes[1, column].set_xlim(left=0.0)
+            axes[1, column].set_xlabel("false alarms an hour")
+        axes[0, 0].set_ylabel("share caught")
+        axes[1, 0].set_ylabel("median delay, frames")
+        axes[0, 0].legend(fontsize=8.0)
+
+    return svg(draw, (2.6 * len(goals) + 1.0, 4.4), "roc")
+
+
+def run_figures(records: Sequence[RunRecord], store: Store, rivals: Sequence[str]) -> str:
+    """The paper's figure 5 as measured: statistic over threshold around one attack of each goal.
+
+    The first simulated run of each goal is drawn, whatever came of it.
+    """
+    chosen = {}
+    for goal in GOALS:
+        runs = [r for r in records if r.goal == goal and r.not_applicable is None]
+        first = next(iter(runs), None)
+        if first is not None:
+            chosen[goal] = [r for r in runs if (r.recording, r.spec) == (first.recording, first.spec)]
+    if not chosen:
+        return ""
+    drawn = [r for r in rivals if r in ("default", "paper")] or list(rivals[:1])
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(len(drawn), len(chosen), squeeze=False, sharex="col")
+        for column, (goal, runs) in enumerate(chosen.items()):
+            for row, rival in enumerate(drawn):
+                axis = axes[row, column]
+                run = next((r for r in runs if r.rival == rival), None)
+                if run is None:
+                    axis.set_axis_off()
+                    continue
+                _draw_run(axis, store, run, goal, colour_of(rival, rivals))
+                if column == 0:
+                    axis.set_ylabel(f"{rival}\nstatistic / threshold")
+            axes[0, column].set_title(GOALS[goal], fontsize=9.0)
+            axes[-1, column].set_xlabel(
+                f"frame\n{FIGURE_5[goal].replace(', ', ',' + chr(10), 1)}", fontsize=7.5
+            )
+
+    return svg(draw, (2.7 * len(chosen) + 0.8, 2.1 * len(drawn) + 0.8), "figure5")
+
+
+def _draw_run(axis: Any, store: Store, run: RunRecord, goal: str, colour: str) -> None:
+    """Of several objects in a frame the one closest to its threshold."""
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(store.frames / f"{run.key}.parquet").to_pydict()
+    worst: dict[int, float] = {}
+    for frame, check, statistic, threshold in zip(
+        table["frame"], table["check"], table["statistic"], table["threshold"], strict=True
+    ):
+        if check in _CHECKS[goal] and statistic is not None and threshold:
+            worst[frame] = max(worst.get(frame, 0.0), statistic / threshold)
+    onset = run.onset or 0
+    begin, end = max(0, onset - 30), onset + 25
+    axis.axvspan(onset, min(onset + 10, run.frames), color=ALERT, alpha=0.12, linewidth=0)
+    axis.axhline(1.0, color=QUIET, linewidth=0.9, linestyle="--")
+    frames = [frame for frame in sorted(worst) if begin <= frame <= end]
+    axis.plot(frames, [worst[frame] for frame in frames], ".-", color=colour, linewidth=1.1, markersize=3.5)
+    if run.caught and run.delay_frames is not None:
+        axis.axvline(onset + run.delay_frames, color=ALERT, linewidth=1.1)
+    axis.set_xlim(begin, end)
+    if max((worst[frame] for frame in frames), default=0.0) > _TALL:
+        axis.set_yscale("symlog", linthresh=2.0)
+        axis.set_ylim(bottom=0.0)

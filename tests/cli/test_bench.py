@@ -1,0 +1,166 @@
+"""``belie bench``: a suite of one's own over real processes, resumed, and with a detector that fails."""
+
+import json
+import re
+
+import pytest
+
+SUITE = """
+title = "mine"
+description = "a small drive"
+rivals = ["gate", "bench_rivals:Silent"]
+
+[[real]]
+paths = ["{path}"]
+
+[[attacks]]
+family = "position jump"
+goal = "PS"
+specs = ["position-offset:axis=x,magnitude=30,source=/gnss"]
+onsets = [70]
+
+[[attacks]]
+family = "too late"
+specs = ["odometry-freeze"]
+onsets = [5000]
+"""
+RIVALS = """
+class Silent:
+    def __init__(self, cameras):
+        pass
+
+    def update(self, step):
+        return []
+
+
+class Broken(Silent):
+    def update(self, step):
+        raise RuntimeError("no idea")
+
+
+class Picky(Silent):
+    judges = ("camera_fault",)
+"""
+
+
+@pytest.fixture
+def suite(tmp_path, drive, monkeypatch):
+    (tmp_path / "bench_rivals.py").write_text(RIVALS, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = tmp_path / "mine.toml"
+    path.write_text(SUITE.format(path=drive), encoding="utf-8")
+    return path
+
+
+def tables(output):
+    """All but times and the last line, which tells of resumed runs."""
+    return re.sub(r"Latency.*", "", output, flags=re.DOTALL)
+
+
+def test_a_suite_of_ones_own_runs_resumes_and_gives_the_same_table(run, suite, tmp_path):
+    arguments = ("bench", suite, "-o", tmp_path / "out", "-j", 1, "--cache", tmp_path / "cache")
+    first = run(*arguments)
+    assert first.exit_code == 0, first.output
+    assert "6 of 6 runs; " in first.stdout
+    folder = tmp_path / "out" / "mine"
+    records = [json.loads(path.read_text(encoding="utf-8")) for path in (folder / "runs").glob("*.json")]
+    (jump,) = [r for r in records if r["rival"] == "gate" and r["family"] == "position jump"]
+    assert jump["caught"]
+    assert sum(r["not_applicable"] is not None for r in records) == 2  # the attack that starts too late
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    assert "position jump" in page
+    assert "http://" not in re.sub(
+        r"http://www\.w3\.org\S*|http://purl\S*|http://creativecommons\S*", "", page
+    )
+    assert "## Attacks caught" in (folder / "table.md").read_text(encoding="utf-8")
+
+    import pyarrow.dataset as ds
+
+    frames = ds.dataset(folder / "frames").to_table().to_pydict()
+    assert {"run", "frame", "status", "statistic", "threshold", "alerts"} <= set(frames)
+    assert set(frames["frame"]) == set(range(90))
+
+    again = run(*arguments)
+    assert "6 of 6 runs, 6 of them before; " in again.stdout
+    assert tables(again.stdout) == tables(first.stdout)
+
+
+def test_a_detector_that_fails_is_told_of_and_stops_nobody_else(run, suite, tmp_path):
+    result = run(
+        "bench",
+        suite,
+        "-o",
+        tmp_path / "out",
+        "-j",
+        1,
+        "--rival",
+        "bench_rivals:Broken",
+        "--cache",
+        tmp_path / "cache",
+    )
+    assert result.exit_code == 1
+    assert "7 of 9 runs" in result.stdout
+    assert result.stderr.count("RuntimeError: no idea") == 2
+    assert "failed: bench_rivals:Broken, drive" in result.stderr
+
+
+def test_attacks_that_a_detector_cannot_answer_are_not_run_on_it(run, suite, tmp_path):
+    arguments = (
+        "-o",
+        tmp_path / "out",
+        "-j",
+        1,
+        "--cache",
+        tmp_path / "cache",
+        "--only",
+        "bench_rivals:Picky",
+    )
+    result = run("bench", suite, *arguments)
+    assert result.exit_code == 0, result.output
+    assert "1 of 1 runs; " in result.stdout  # the honest one
+
+
+def test_suites_are_listed_and_printed_to_be_copied(run, tmp_path):
+    listed = run("bench", "--list").stdout
+    for name in ("quick", "paper", "real", "floor", "stealth", "clean", "latency"):
+        assert re.search(rf"^{name}\s", listed, re.MULTILINE)
+    printed = run("bench", "quick", "--print").stdout
+    copy = tmp_path / "copy.toml"
+    copy.write_text(printed, encoding="utf-8")
+    assert run("bench", copy, "--print").stdout == printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("quik",), "did you mean quick?"),
+        (("quick", "--rival", "nobody"), "no rival nobody: known are default, paper"),
+    ],
+)
+def test_what_is_misspelt_is_told_in_one_line(run, arguments, said, tmp_path):
+    result = run("bench", *arguments, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_what_is_wrong_with_every_run_ends_the_suite_in_one_line(run, suite, tmp_path, monkeypatch):
+    (tmp_path / "needy.py").write_text(
+        "from belie.types import MissingExtraError\n\n\nclass Needy:\n    def __init__(self, cameras):\n"
+        "        raise MissingExtraError('torch', 'bench')\n\n    def update(self, step):\n        return []\n"
+    )
+    result = run(
+        "bench",
+        suite,
+        "-o",
+        tmp_path / "out",
+        "-j",
+        1,
+        "--only",
+        "needy:Needy",
+        "--cache",
+        tmp_path / "cache",
+    )
+    assert result.exit_code == 2
+    assert "torch is not installed; run: pip install 'belie[bench]'" in result.stderr
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,130 @@
+"""Tables from records: counts, intervals, the smallest lie, the furthest drift."""
+
+from dataclasses import replace
+
+import pytest
+
+from belie.evaluation.bench.curves import operating_curve
+from belie.evaluation.bench.rivals import rival_maker
+from belie.evaluation.bench.store import RunRecord
+from belie.evaluation.bench.suite import parse_suite
+from belie.evaluation.bench.summary import condition, furthest, rate, smallest, summarise
+from belie.evaluation.bench.sweep import FACTORS, exceedances
+from belie.evaluation.bench.words import markdown
+from belie.types import CheckResult, Status, Verdict
+
+HONEST = RunRecord(
+    key="h", rival="default", recording="street sunny 1", place="street-straight", weather="sunny", seed=1,
+    honest_s=360.0, frames=100, undecided=5, latency_ms=(1.0, 2.0, 3.0), decode_ms=(0.5,), size="64x48",
+    episodes={"odometry_spoofing": [3] * 10 + [0] * 21},
+)  # fmt: skip
+ATTACKED = replace(
+    HONEST, key="a", family="lateral", goal="OS", spec="odometry-offset:…", alert="odometry_spoofing", caught=True,
+    delay_frames=1, delay_ms=120.0, right_first=True, onset=100, episodes={},
+    delays={"odometry_spoofing": [0] * 15 + [2] * 6 + [None] * 10},
+)  # fmt: skip
+SUITE = {
+    "title": "t", "rivals": ["default", "gate"], "drives": [{"scenarios": ["street-straight"]}],
+    "attacks": [{"family": "lateral", "goal": "OS", "specs": ["odometry-freeze"]}],
+}  # fmt: skip
+
+
+def table(summary, start):
+    return next(one for one in summary.tables if one.title.startswith(start))
+
+
+def test_rates_come_with_their_intervals_and_never_alone():
+    assert rate([ATTACKED] * 9 + [replace(ATTACKED, caught=False)]) == "9/10 (60–98 %)"
+    assert rate([]) == "–"
+
+
+def test_what_a_detector_does_not_judge_is_not_held_against_it():
+    makers = {name: rival_maker(name) for name in ("default", "gate")}
+    hidden = replace(ATTACKED, alert="obstacle_hiding", goal="OH", caught=False)
+    records = [hidden, replace(hidden, rival="gate")]
+    summary = summarise(parse_suite(SUITE), records, makers)
+    assert table(summary, "Attacks caught").rows == (("lateral", "no fog", "0/1 (0–79 %)", "–"),)
+
+
+def test_false_alerts_are_counted_in_honest_runs_with_an_upper_bound():
+    alerted = replace(HONEST, false_alerts=("frame 3: imu",))
+    summary = summarise(parse_suite(SUITE), [HONEST, alerted], {})
+    rows = table(summary, "False alerts").rows
+    assert rows[-1][:6] == ("default", "all", "2", "12.0", "1", "5.00")
+    assert float(rows[-1][6]) == pytest.approx(4.744 * 5, abs=0.01)  # Garwood, one event
+    assert summary.false_alerts == ("street sunny 1: frame 3: imu",)
+
+
+def test_published_figures_stand_in_their_own_columns():
+    suite = parse_suite({**SUITE, "rivals": ["default", "paper", "boxes"]})
+    records = [replace(ATTACKED, rival=rival) for rival in suite.rivals]
+    found = table(summarise(suite, records, {}), "The paper's Table I")
+    assert [found.rows[1][i] for i in found.published] == [
+        "the paper's detector", "99.5 % (all)", "0 %", "PS 82, OS 75, OH 64, OM 66",
+    ]  # fmt: skip
+    assert all(found.rows[0][i] == "–" for i in found.published)
+    assert found.rows[0][1] == "1/1 (21–100 %)"
+
+
+def test_the_smallest_lie_is_the_last_before_one_is_missed():
+    def at(magnitude, caught):
+        return replace(ATTACKED, magnitude=magnitude, caught=caught)
+
+    swept = [at(0.2, True), at(0.1, True), at(0.05, False), at(0.02, True)]
+    assert smallest(swept, (0.2, 0.1, 0.05, 0.02), "m") == "0.1 m (1)"
+    assert smallest([at(0.2, False)], (0.2,), "m") == "> 0.2 m"
+    assert smallest([], (0.2,), "m") == "–"
+
+
+def test_the_furthest_drift_is_that_of_the_best_rate():
+    def ramp(speed, delay_ms):
+        return replace(
+            ATTACKED, magnitude=speed, onset=100, honest_s=10.0, frames=800, caught=delay_ms is not None,
+            delay_ms=delay_ms,
+        )  # fmt: skip
+
+    runs = [ramp(2.0, 1500.0), ramp(0.5, 20_000.0), ramp(0.1, None)]
+    assert furthest(runs, 10.0, "m/s") == "5 m (0.5 m/s)"
+    assert furthest(runs, 60.0, "m/s") == "10 m (0.5 m/s)"
+    assert furthest([replace(runs[2], frames=150)], 60.0, "m/s") == "–"  # the run is too short to tell
+
+
+def test_what_is_lower_than_the_threshold_is_found_at_a_lower_factor():
+    def verdict(k, x):
+        check = CheckResult(
+            check="odometry", source="/odom", status=Status.CONSISTENT, statistic=x, threshold=10.0
+        )
+        return Verdict(frame=k, stamp_ns=k, status=Status.CONSISTENT, latency_ms=1.0, checks=(check,))
+
+    found = exceedances([verdict(k, x) for k, x in enumerate([1.0, 6.0, 2.0, 7.0, 8.0])], [])
+    counts = dict(zip(FACTORS, found.episodes["odometry_spoofing"], strict=True))
+    assert counts[0.502] == 2
+    assert counts[1.0] == 0
+
+
+def test_the_curve_trades_false_alarms_for_detections():
+    curve = operating_curve([HONEST, ATTACKED], "default", "odometry_spoofing")
+    assert curve[0] == (30.0, 1.0, 0.0)
+    assert curve[-1] == (0.0, 0.0, None)
+    assert len(curve) == len(FACTORS)
+
+
+def test_markdown_holds_every_table_and_list():
+    missed = replace(ATTACKED, caught=False)
+    suite = parse_suite(SUITE)
+    text = markdown(suite, summarise(suite, [HONEST, missed], {}, [("run x", "broke")]), "how")
+    for part in (
+        "## Attacks caught",
+        "## Missed by the first detector",
+        "- run x: broke",
+        "| default | all |",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("place", "weather", "said"),
+    [("highway", "light-fog", "light fog"), ("street", "rainy-night", "no fog"), ("kitti00", "real", "real")],
+)
+def test_conditions_are_those_of_the_paper(place, weather, said):
+    assert condition(replace(HONEST, place=place, weather=weather)) == said

@@ -1,0 +1,125 @@
+"""What calibration says of clocks, detectors and tails, where the truth is known."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from belie.detector import Config
+from belie.evaluation.calibrate_objects import learn_habits
+from belie.evaluation.calibrate_part import TeachingPart
+from belie.evaluation.calibrate_streams import stream_notes
+from belie.evaluation.calibrate_tail import Tail, rate_at, tails, tightened
+from belie.geometry import SE3, CameraModel
+from belie.types import Frame, MotionClaim, MountedCamera, Step
+
+CAMERA = MountedCamera(
+    model=CameraModel(width=640, height=480, fx=400, fy=400, cx=319.5, cy=239.5), T_body_cam=SE3.identity()
+)
+
+
+def part_of(steps, cameras):
+    stamps = np.array([step.frame.stamp_ns for step in steps])
+    recording = SimpleNamespace(
+        path="made", cameras=cameras, frame_stamps_ns=lambda: stamps, steps=lambda: iter(steps)
+    )
+    return TeachingPart(recording=recording, until_ns=int(stamps[-1]) + 1, learnt_s=0.0, held_out_s=0.0)
+
+
+@pytest.mark.parametrize("late_ms", [0, 40])
+def test_a_clock_that_is_off_is_told_with_its_uncertainty(data_dir, late_ms):
+    from belie.evaluation.bench.made_claims import made_recording
+    from belie.evaluation.bench.recorded import real_drive
+
+    recording = made_recording(real_drive(data_dir / "kitti00"), "noisy", 0)
+    late_ns = late_ms * 1_000_000
+
+    def shifted(claim):
+        is_imu = isinstance(claim, MotionClaim) and claim.kind == "imu"
+        return replace(claim, stamp_ns=claim.stamp_ns + late_ns) if is_imu else claim
+
+    steps = [replace(s, claims=tuple(shifted(c) for c in s.claims)) for s in recording.joined]
+    notes = {
+        note.check: note for note in stream_notes([part_of(steps, recording.cameras)], Config(), lambda: None)
+    }
+    imu, odometry = notes["imu"], notes["odometry"]
+    assert imu.offset_s is not None
+    assert abs(imu.offset_s - odometry.offset_s - late_ms * 1e-3) < 0.008
+    assert 0.0 < imu.sigma_s < 0.01
+    assert "imu /imu: stamps" in imu.in_words()
+
+
+class HeardDetector:
+    """Stands in for the detector: reports scripted habits, and under which stated rate it was run."""
+
+    rates: list = []  # noqa: RUF012
+
+    def __init__(self, cameras, config):
+        self.rates.append(config.sequential.false_alarms_per_hour)
+
+    def update(self, frame, claims):
+        pass
+
+    def object_habits(self):
+        known = {"miss_rate": 0.05, "confusion_rate": 0.01, "persistence_s": 0.03}
+        return {
+            "/detections": {**known, "messages": 800.0},
+            "/rare": {**known, "miss_rate": 0.9, "messages": 30.0},
+        }
+
+
+def test_habits_become_settings_with_the_interval_that_they_are_known_to(monkeypatch):
+    monkeypatch.setattr("belie.evaluation.calibrate_objects.Detector", HeardDetector)
+    monkeypatch.setattr(HeardDetector, "rates", [])
+    part = part_of([step_at(k) for k in range(3)], {"/image": CAMERA})
+    learnt = learn_habits([part], Config(), lambda: None)
+    assert learnt.config.objects.miss_rate == 0.05  # what was heard too seldom does not count
+    assert learnt.config.sequential == Config().sequential
+    assert learnt.words == (
+        "/detections: misses 5.00 % (3.69 to 6.74 %) and misnames 1.00 % (0.51 to 1.96 %) of 800 messages about "
+        "objects that it should see",
+    )
+    learn_habits([part], Config(), lambda: None, from_accused=False)
+    assert HeardDetector.rates[0] < 1e-100  # nobody is accused, so that all errors teach
+    assert HeardDetector.rates[1] == 0.1  # what is accused does not teach
+
+
+def step_at(k):
+    at = {"stamp_ns": k * 100_000_000, "received_ns": k * 100_000_000}
+    return Step(frame=Frame(camera="/image", image=np.zeros((480, 640), np.uint8), **at))
+
+
+def test_the_rate_of_an_exponential_tail_is_found_within_its_interval():
+    rng = np.random.default_rng(1)
+    maxima = rng.exponential(0.08, 1800)  # an hour of blocks of two seconds
+    rate, slope = rate_at(maxima, 1.0)
+    assert slope == pytest.approx(0.08, rel=0.12)
+    assert 0.1 < rate / (1800 * np.exp(-1.0 / 0.08)) < 10.0
+
+
+def run_with(ratios, seconds_a_frame=0.1):
+    check = SimpleNamespace(
+        check="imu", source="/imu", ratio=np.asarray(ratios), threshold=np.full(len(ratios), 18.0)
+    )
+    trace = SimpleNamespace(checks=(check,), seconds=np.arange(len(ratios)) * seconds_a_frame)
+    return SimpleNamespace(trace=trace)
+
+
+def test_longer_driving_narrows_the_interval():
+    rng = np.random.default_rng(2)
+    (short,) = tails([run_with(rng.exponential(0.05, 600))])
+    (long,) = tails([run_with(rng.exponential(0.05, 60_000))])
+    assert np.log(long.high / long.low) < 0.5 * np.log(short.high / short.low)
+    assert tails([run_with(rng.exponential(0.05, 100))]) == []  # ten seconds say nothing of a tail
+
+
+def test_thresholds_tighten_only_as_far_as_the_tail_asks():
+    quiet = Tail(name="imu /imu", per_hour=1e-4, low=1e-6, high=1e-2, slope=0.05, threshold=18.0)
+    assert tightened([quiet], Config()) == ({}, {})
+    noisy = replace(quiet, per_hour=1.0)
+    changes, notes = tightened([noisy], Config())
+    (stated,) = changes.values()
+    # Ten times too many: up by slope x ln 10 of the threshold of 18 nats.
+    assert stated == pytest.approx(0.1 * np.exp(-18.0 * 0.05 * np.log(10.0)), rel=0.05)
+    assert "imu /imu needs it" in notes["sequential.false_alarms_per_hour"]
