@@ -17,7 +17,7 @@ from pydantic import Field
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.residual_test import ResidualTest
 from belie.checks.sequential import Evidence, SequentialSettings
-from belie.checks.systematic import SystematicErrors, turn_correction
+from belie.checks.systematic import SystematicErrors, rotation_correction
 from belie.geometry import FloatArray, so3_log
 from belie.types import CheckResult, Settings, Status, VisualEstimate
 
@@ -115,8 +115,8 @@ class ImuCheck:
         s, R = self.settings, estimate.T_prev_cur.R
         if estimate.inliers > 0 and interval_s > 0.0:
             keep, drive = np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
-            keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
-                R, interval_s, s.correction_gain, s.correction_s
+            keep[_CORRECTION], drive[_CORRECTION] = rotation_correction(
+                R, estimate.covariance[3:, 3:], interval_s, s.correction_gain, s.correction_s
             )
             self.test.errors.predict(interval_s, keep, drive)
         if R_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:

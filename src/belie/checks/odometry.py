@@ -21,13 +21,16 @@ from pydantic import Field
 from belie.checks.noise_scale import NoiseScaleSettings
 from belie.checks.residual_test import ResidualTest
 from belie.checks.sequential import Evidence, SequentialSettings
-from belie.checks.systematic import SystematicErrors, turn_correction
+from belie.checks.systematic import SystematicErrors, rotation_correction
 from belie.geometry import SE3, FloatArray, skew, so3_log
 from belie.types import CheckResult, Settings, Status, VisualEstimate
 
 _MOUNT, _LEVER, _GAIN, _SCALE, _CORRECTION = slice(0, 3), slice(3, 6), 6, 7, slice(8, 11)
 _PARAMETERS = 11
 _DIRECTED = 5.0  # standard errors
+_RENEWED = (
+    0.2  # share of a map's scale that a frame renews: near corners carry it, and pass by in some five frames
+)
 _COMPONENTS = (
     "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
     "pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)",
@@ -177,8 +180,18 @@ class OdometryCheck:
         """Let the systematic errors wander; a turn leaves an error that the claim's filter corrects later."""
         exposure, keep, drive = np.full(_PARAMETERS, interval_s), np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
         exposure[_SCALE] = 1.0
-        keep[_CORRECTION], drive[_CORRECTION] = turn_correction(
-            estimate.T_prev_cur.R, interval_s, self.settings.correction_gain, self.settings.correction_s
+        # What a frame errs in its length stays in the map with the corners that are new to it.
+        length2 = float(estimate.T_prev_cur.t @ estimate.T_prev_cur.t)
+        if length2 > 0.0:
+            along = estimate.T_prev_cur.R.T @ estimate.T_prev_cur.t / math.sqrt(length2)
+            error2 = float(along @ estimate.covariance[:3, :3] @ along) / length2
+            drive[_SCALE] = _RENEWED * min(error2, 1.0)
+        keep[_CORRECTION], drive[_CORRECTION] = rotation_correction(
+            estimate.T_prev_cur.R,
+            estimate.covariance[3:, 3:],
+            interval_s,
+            self.settings.correction_gain,
+            self.settings.correction_s,
         )
         self.test.errors.predict(exposure, keep, drive)
 

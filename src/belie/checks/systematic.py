@@ -92,19 +92,22 @@ class SystematicErrors:
         self.covariance[index, index] = sigma**2
 
 
-def turn_correction(
-    R_prev_cur: FloatArray, interval_s: float, gain: float, lasts_s: float
-) -> tuple[float, float]:
-    """How a slow correction after a turn evolves in a frame: the share that is left, and the variance that is added.
+def rotation_correction(
+    R_prev_cur: FloatArray, covariance: FloatArray, interval_s: float, gain: float, lasts_s: float
+) -> tuple[float, FloatArray]:
+    """How a slow error of a rotation evolves in a frame: the share that is left, and the variance that is added (3,).
 
-    A turn is measured with a relative error, and an inertial filter works that error off over seconds, long after
-    the turn: a rate error that is steady for tens of frames, a first-order Gauss-Markov process whose stationary
-    standard deviation is `gain` times the rate of the turn (rad/s).
+    A first-order Gauss-Markov process, steady for tens of frames, of two origins. A turn is measured with a relative
+    error, and an inertial filter works that error off over seconds, long after the turn: its stationary standard
+    deviation is `gain` times the rate of the turn (rad/s). And where corners leave rotation and sideways motion hard
+    to tell apart (few of them, or all at one depth), what they err by lasts as long as they are seen: no frame errs
+    for itself by the `covariance`, shape (3, 3), of the seen rotation, they err together.
 
-    >>> share, variance = turn_correction(np.eye(3), 0.1, 0.01, 3.0)
-    >>> round(share, 3), variance
-    (0.967, 0.0)
+    >>> share, variance = rotation_correction(np.eye(3), np.diag([1e-8, 0.0, 0.0]), 0.1, 0.01, 3.0)
+    >>> round(share, 3), variance.round(9)
+    (0.967, array([6.4e-08, 0.0e+00, 0.0e+00]))
     """
     share = float(np.exp(-interval_s / lasts_s))
     rate_rad_s = float(np.linalg.norm(so3_log(R_prev_cur))) / interval_s
-    return share, (1.0 - share**2) * (gain * rate_rad_s) ** 2
+    stationary = (gain * rate_rad_s) ** 2 + np.diag(covariance) / interval_s**2
+    return share, np.asarray((1.0 - share**2) * stationary)

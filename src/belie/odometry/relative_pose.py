@@ -55,6 +55,11 @@ class RelativePose:
         """Points within three sigma of the motion."""
         return np.asarray(self.chi2 < _KERNEL_CHI2)
 
+    @property
+    def weight(self) -> FloatArray:
+        """What the robust kernel left of each point's say, 0 to 1, shape (N,)."""
+        return np.asarray((_KERNEL_CHI2 / (_KERNEL_CHI2 + self.chi2)) ** 2)
+
 
 @compiled()
 def _cholesky_solve(A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], n: int) -> bool:

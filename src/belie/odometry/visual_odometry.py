@@ -12,6 +12,7 @@ from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
 from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
 from belie.odometry.two_view import relative_pose_from_scratch, rotation_between
@@ -19,6 +20,7 @@ from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
+_MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 _HIDDEN_TRANSLATION = 3.0  # rotation that a translation may fake, in units of the parallax it leaves
@@ -49,10 +51,15 @@ class VisualOdometrySettings(Settings):
         description="error of a corner's displacement that is the calibration's fault [px per px]: of the focal "
         "length and of the distortion's slope",
     )  # fmt: skip
-    independent_corners: int = Field(
-        50, ge=6,
-        description="corners whose errors are independent [count]: errors of calibration and rolling shutter are "
-        "shared by neighbours over about a seventh of the image's side",
+    tracking_bias_px: float = Field(
+        0.1, ge=0.0,
+        description="what near corners may seem to move against far ones where nothing moves: rain, noise, flicker "
+        "[px a frame, at working size]; at 10 m and f = 700 px it is 1.4 mm a frame",
+    )  # fmt: skip
+    spread_frames: int = Field(
+        10, ge=1,
+        description="frames over which the disagreement of the image's parts is averaged, which widens the stated "
+        "error of the motion [count]: that of one frame is known to 40 %",
     )  # fmt: skip
 
 
@@ -93,10 +100,21 @@ class VisualOdometry:
         self._pyramid: Pyramid = ()
         self._map_id = 0
         self._corners = TrackedCorners()
+        self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
         self._forget_motion()
 
+    def _begin_anew(self) -> None:
+        """Forget motion and map: what comes has another scale."""
+        unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
+        self._forget_motion()
+        self._map_id += 1
+        self._unit = unit
+        self._corners = TrackedCorners()
+
     def _forget_motion(self) -> None:
+        self._unvouched = 0
+        self._pose_covariance.forget()
         self._T_cur_prev = SE3.identity()
         self._interval_ns = 0
         self._stamp_ns: int | None = None
@@ -131,6 +149,9 @@ class VisualOdometry:
         self._corners.keep(kept)
         self._anchor = self._anchor[kept]
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
+        self._unvouched = 0 if estimate.inliers else self._unvouched + 1
+        if self._unvouched >= _MOST_UNVOUCHED:
+            self._begin_anew()
         self._take(frame, pyramid)
         return estimate
 
@@ -251,7 +272,13 @@ class VisualOdometry:
         # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4);
         # squared, since the outliers of repeated texture and traffic agree among themselves.
         sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05) ** 2
-        inflation = shared * max(1.0, inliers.sum() / self.settings.independent_corners) / sureness**2
+        covariance = pose.covariance
+        if had_scale:
+            current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
+            covariance = self._pose_covariance.update(rays[:, :2], current, pose, sigma)
+            depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
+            bias = self.settings.tracking_bias_px / self._focal_px * depth
+            covariance[:3, :3] += bias**2 * np.eye(3)
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         agreeing = int(inliers.sum())
         if agreeing < _MAJORITY * len(found):
@@ -259,11 +286,14 @@ class VisualOdometry:
                 f"no majority: {agreeing} of {len(found)} corners move as one (traffic, repeated texture)"
             )
             agreeing = 0
+        elif had_scale and agreeing < LEAST_CORNERS:
+            reason = f"too few corners: {agreeing} agree, {LEAST_CORNERS} are needed to tell how far they may be off"
+            agreeing = 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
             T_prev_cur=pose.T_cur_prev.inverse(),
-            covariance=pose.covariance * inflation,
+            covariance=covariance * shared / sureness**2,
             corners=tried,
             matches=len(found),
             inliers=agreeing,
@@ -307,12 +337,8 @@ class VisualOdometry:
         return self._nothing(frame, nothing or reason, len(self._corners), 0)
 
     def _lost(self, frame: Frame, pyramid: Pyramid, tried: int, matches: int) -> VisualEstimate:
-        unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         previous_ns = self._stamp_ns
-        self._forget_motion()
-        self._map_id += 1
-        self._unit = unit
-        self._corners = TrackedCorners()
+        self._begin_anew()
         self._take(frame, pyramid)
         reason = why_nothing_is_seen(pyramid[0], len(self._corners)) or (
             f"lost: {matches} of {tried} corners found again (motion blur, dropped frames, or another scene)"

@@ -1,0 +1,128 @@
+"""How far a motion may be off: what two images tell of it, and how much their corners disagree in clusters.
+
+The inverse of the information that the points give to the optimiser says too little, for two reasons. The depths
+of a map all carry the errors of the motions that made them, so they are no independent witnesses of the next one:
+here each point gives only what it tells with its depth hardly known, its epipolar constraint, and the map nothing
+but the scale. And neighbouring corners err together (calibration, rolling shutter, fog that darkens as it nears,
+things that move): so the scores of the points, ``g_i = J_i' W_i e_i``, are summed over clusters c of the image,
+
+    C = H⁻¹ ( Σ_c g_c g_c' ) H⁻¹ B / (B - 6)
+
+(Liang and Zeger, "Longitudinal data analysis using generalized linear models", 1986), which needs no model of how
+they err together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from belie.geometry import FloatArray
+from belie.odometry.relative_pose import RelativePose, covariance_of
+
+_COLUMNS, _ROWS = 4, 3
+_CLUSTERS = _COLUMNS * _ROWS
+LEAST_CORNERS = 3 * _CLUSTERS  # in each part of the image a few, or their disagreement says nothing
+_NEAR = 1e-3
+_TRANSLATION, _ROTATION = slice(0, 3), slice(3, 6)
+
+
+class PoseCovariance:
+    """Covariance of motion after motion; how clusters disagree is averaged over frames, twelve of them say little.
+
+    Parameters
+    ----------
+    memory_frames : int
+        Over how many frames the disagreement of clusters is averaged.
+
+    Examples
+    --------
+    Where the left half of the image moves up against the right one, the covariance is wider.
+
+    >>> from belie.geometry import SE3
+    >>> from belie.odometry.relative_pose import estimate_relative_pose
+    >>> rng = np.random.default_rng(0)
+    >>> points = np.column_stack([rng.uniform(-4, 4, (200, 2)), rng.uniform(5, 20, 200)])
+    >>> motion, sigma = SE3.exp([0.02, 0.0, -0.8, 0.0, 0.01, 0.0]), 1e-3
+    >>> moved, previous = motion.apply(points), points[:, :2] / points[:, 2:]
+    >>> current = moved[:, :2] / moved[:, 2:] + rng.normal(0.0, sigma, (200, 2))
+    >>> def deviation(shift):
+    ...     shifted = current + shift * (current[:, :1] < 0.0) * np.array([0.0, 1.0])
+    ...     pose = estimate_relative_pose(
+    ...         previous, shifted, 1 / points[:, 2], np.full(200, 1e-4), motion, sigma=sigma)
+    ...     C = PoseCovariance(10).update(previous, shifted, pose, sigma)
+    ...     return float(np.sqrt(C[4, 4]))
+    >>> deviation(3.0 * sigma) > 1.5 * deviation(0.0)
+    True
+    """
+
+    def __init__(self, memory_frames: int) -> None:
+        self._share = 1.0 / memory_frames
+        self._excess: FloatArray | None = None
+
+    def forget(self) -> None:
+        """The scene is another one."""
+        self._excess = None
+
+    def update(
+        self, previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
+    ) -> FloatArray:
+        """Covariance, shape (6, 6), of ``exp(xi) T_cur_prev``, translation first.
+
+        Parameters
+        ----------
+        previous, current : arrays (N, 2)
+            Undistorted coordinates in both frames of the points that the motion was estimated from.
+        pose : RelativePose
+        sigma : float
+            Of a tracked position, in the same units.
+        """
+        C, scores = _information(previous, current, pose, sigma)
+        clusters = _clusters(current)
+        g = np.array([scores[clusters == c].sum(axis=0) for c in range(_CLUSTERS)])
+        among = np.diag(C @ (g.T @ g) @ C) * _CLUSTERS / (_CLUSTERS - 6)
+        within = np.diag(C)
+        excess = np.array([among[k].sum() / within[k].sum() for k in (_TRANSLATION, _ROTATION)])
+        old = excess if self._excess is None else self._excess
+        self._excess = (1.0 - self._share) * old + self._share * excess
+        # Corners that happen to agree better than their noise allows are no better than their noise.
+        spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3)
+        return np.asarray(C * np.outer(spread, spread))
+
+
+def _information(
+    previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance (6, 6) by these two images alone, the length as the map tells it; and the points' scores (N, 6)."""
+    R, t, rho = pose.T_cur_prev.R, pose.T_cur_prev.t, pose.inverse_depth
+    wide = np.maximum(rho, float(np.median(rho))) ** 2
+    p = np.column_stack([previous, np.ones(len(previous))]) @ R.T + rho[:, None] * t
+    d = np.maximum(p[:, 2], _NEAR)
+    u, v, inv = p[:, 0] / d, p[:, 1] / d, rho / d
+    seen = np.column_stack([u, v])
+    slope = (t[:2] - seen * t[2]) / d[:, None]
+    J = np.zeros((len(u), 2, 6))
+    J[:, 0, 0] = J[:, 1, 1] = inv
+    J[:, 0, 2], J[:, 1, 2] = -u * inv, -v * inv
+    J[:, 0, 3], J[:, 0, 4], J[:, 0, 5] = -u * v, 1.0 + u * u, -v
+    J[:, 1, 3], J[:, 1, 4], J[:, 1, 5] = -(1.0 + v * v), u * v, u
+    gain = wide / (sigma**2 + wide * (slope**2).sum(axis=1))
+    W = (np.eye(2) - gain[:, None, None] * slope[:, :, None] * slope[:, None, :]) / sigma**2
+    JW = (pose.weight[:, None, None] * J.transpose(0, 2, 1)) @ W
+    H = (JW @ J).sum(axis=0)
+    length = float(np.linalg.norm(t))
+    if length > 0.0:
+        along = np.concatenate([t / length, np.zeros(3)])
+        H = H + np.outer(along, along) / float(along @ pose.covariance @ along)
+    return covariance_of(H), (JW @ (current - seen)[:, :, None])[:, :, 0]
+
+
+def _clusters(current: FloatArray) -> npt.NDArray[np.int64]:
+    """Which of equally populated parts of the image each point lies in, shape (N,)."""
+    n = len(current)
+    column = np.argsort(np.argsort(current[:, 0])) * _COLUMNS // n
+    row = np.zeros(n, dtype=np.int64)
+    for c in range(_COLUMNS):
+        inside = np.flatnonzero(column == c)
+        row[inside] = np.argsort(np.argsort(current[inside, 1])) * _ROWS // max(len(inside), 1)
+    return np.asarray(column * _ROWS + row)
