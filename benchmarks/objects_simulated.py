@@ -115,7 +115,11 @@ class Eavesdropper:
 
 
 def simulated(
-    job: Job, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]], miss_run: float | None
+    job: Job,
+    images: Sequence[GrayImage],
+    labels: Sequence[tuple[ObjectLabel, ...]],
+    miss_run: float | None,
+    patch: str | None = None,
 ) -> SimulatedRecording:
     """The drive with the sensors of the job's seed."""
 
@@ -126,8 +130,10 @@ def simulated(
         )
 
     scenario = job.settings(job.sensor_seed)
-    if miss_run is not None:
-        told = scenario.sensors.object_detector.model_copy(update={"plain_miss_frames": miss_run})
+    changes = {"plain_miss_frames": miss_run, "patch": patch}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    if changes:
+        told = scenario.sensors.object_detector.model_copy(update=changes)
         sensors = scenario.sensors.model_copy(update={"object_detector": told})
         scenario = scenario.model_copy(update={"sensors": sensors})
     return SimulatedRecording(
@@ -151,12 +157,18 @@ def drive_of(bag_job: Job) -> Drive:
     return Drive(images, labels, tuple(ear.heard))
 
 
-def claims_of(job: Job, drive: Drive, profile: str, miss_run: float | None) -> MemoryRecording:
+def claims_of(
+    job: Job, drive: Drive, profile: str, miss_run: float | None, patch: str | None = None
+) -> MemoryRecording:
     """What the detector of a seed says of the drive; with the odometry too, where the profile needs it."""
-    recording = simulated(job, drive.images, drive.labels, miss_run)
-    keep = (lambda c: True) if profile == "paper" else (lambda c: isinstance(c, DetectionClaim))
+    recording = simulated(job, drive.images, drive.labels, miss_run, patch)
+    everything = profile == "paper"
     steps = tuple(
-        Step(frame=step.frame, claims=tuple(c for c in step.claims if keep(c))) for step in recording.steps()
+        Step(
+            frame=step.frame,
+            claims=tuple(c for c in step.claims if everything or isinstance(c, DetectionClaim)),
+        )
+        for step in recording.steps()
     )
     return MemoryRecording(
         name=job.bag.stem, cameras=dict(recording.cameras), frames=tuple(s.frame for s in steps),

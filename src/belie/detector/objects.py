@@ -33,6 +33,7 @@ _LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
 _SILENT = 5.0  # its usual intervals
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
+_FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
@@ -194,7 +195,8 @@ class ObjectStream:
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
-        if not track.naming.accused:  # never learn from what was accused
+        # Never learn from what is suspected, where the old name is as well founded as an accusation must be.
+        if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += weight
@@ -205,6 +207,13 @@ class ObjectStream:
         if track.is_soft and not track.naming.length:
             track.likeness.learn(current, track.box_px)
         track.cover_then = covered(box, others_px)
+
+    def _is_sure_of(self, track: ObjectTrack) -> bool:
+        """Whether the name it had till now could be the error: by the same test as the new one."""
+        messages = int(track.votes[track.group] / _FULL_VOTE)
+        surprise = self._misnamed.surprise
+        told = sum(surprise(track.naming.own, k, self.interval_s) for k in range(messages))
+        return told >= self._threshold("misclassification")
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
@@ -432,7 +441,7 @@ def _as_gray(image: GrayImage) -> GrayImage:
 
 
 def _weight(score: float) -> float:
-    return 2.0 * min(max((score - 0.3) / 0.6, 0.1), 1.0)
+    return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
 
 
 def _side(box: FloatArray) -> float:

@@ -89,8 +89,8 @@ class SceneWitness:
         scene_now, scene_before = self._scene_places(track)
         now, before = np.concatenate([now[older], scene_now]), np.concatenate([before[older], scene_before])
         still = np.concatenate([still[older], np.ones(len(scene_now), dtype=bool)])
-        middle = (np.abs(now - 0.5) < _MIDDLE).all(axis=1)
-        rides = (np.abs(now - before) < _RIDES).all(axis=1)
+        middle = np.asarray((np.abs(now - 0.5) < _MIDDLE).all(axis=1))
+        rides = np.asarray((np.abs(now - before) < _RIDES).all(axis=1))
         return passing_evidence(rides[middle], still[middle])
 
     def _scene_places(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray]:
@@ -131,7 +131,7 @@ class SceneWitness:
         if foot > 0.0:
             # At the horizon the ground is as far as what drives along with the camera, or the sky.
             ground = self._ground.at(xy)
-            below = ground > error
+            below = np.asarray(ground > error)
             on_ground = background_evidence(depth[below], deviation[below], ground[below], foot)
             if on_ground is not None:
                 found.append(on_ground)
