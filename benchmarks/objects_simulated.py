@@ -43,6 +43,7 @@ from belie.recordings import open_recording
 from belie.simulation.labels import ObjectLabel
 from belie.simulation.rendered import Rendered
 from belie.simulation.scenario import Scenario
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.simulate import SimulatedRecording
 from belie.simulation.stage import CAMERA, Stage, build_world
 from belie.simulation.truth import objects_path
@@ -74,7 +75,7 @@ class Kept:
     def __init__(self, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]]) -> None:
         self._images, self._labels = iter(images), iter(labels)
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
         gray = next(self._images)
         return Rendered(bgr=np.empty((0, 0, 3), np.uint8), gray=gray, depth_m=None, ids=None)

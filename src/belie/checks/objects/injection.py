@@ -93,7 +93,8 @@ def passing_evidence(rides: npt.NDArray[np.bool_], still: npt.NDArray[np.bool_])
 
     Examples
     --------
-    >>> passing_evidence(np.zeros(3, bool), np.ones(3, bool)), passing_evidence(np.ones(8, bool), np.ones(8, bool))
+    >>> passes, rides = np.zeros(3, bool), np.ones(3, bool)
+    >>> round(passing_evidence(passes, np.ones(3, bool)), 1), passing_evidence(rides, np.ones(3, bool))
     (3.9, None)
     """
     passing, stray = int((~rides & still).sum()), int((~rides & ~still).sum())
