@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from belie.checks.objects import ObjectSettings, RunTest
+from belie.checks.objects import ObjectSettings, ErrorTest
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
@@ -35,8 +35,8 @@ class ObjectTrack:
     track_id: str
     label: str
     box_px: FloatArray
-    hiding: RunTest
-    naming: RunTest
+    hiding: ErrorTest
+    naming: ErrorTest
     corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     places: FloatArray = field(
         default_factory=lambda: np.empty((0, 2))

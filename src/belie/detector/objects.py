@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from belie.checks.objects import Habit, ObjectSettings, RunTest, run_threshold
+from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
 from belie.detector.association import assign, covered, overlaps
 from belie.detector.object_track import ObjectTrack, in_view
@@ -179,10 +179,10 @@ class ObjectStream:
         weight = _weight(detection.score)
         vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
-        track.hiding.right()
+        track.hiding.right(self.interval_s, _side(track.box_px))
         if not (misnamed or swapped):
-            track.naming.right()
-            track.called = ""
+            track.naming.right(self.interval_s)
+            track.called = track.called if track.naming.accused else ""
         else:
             if soft:
                 track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
@@ -204,15 +204,14 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame)
-        if track.is_soft and not track.naming.length:
+        if track.is_soft and not track.naming.errors:
             track.likeness.learn(current, track.box_px)
         track.cover_then = covered(box, others_px)
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""
         messages = int(track.votes[track.group] / _FULL_VOTE)
-        surprise = self._misnamed.surprise
-        told = sum(surprise(track.naming.own, k, self.interval_s) for k in range(messages))
+        told = sum(self._misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
         return told >= self._threshold("misclassification")
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
@@ -242,8 +241,8 @@ class ObjectStream:
             track_id=detection.track_id,
             label=detection.label,
             box_px=box,
-            hiding=RunTest(self._missed),
-            naming=RunTest(self._misnamed),
+            hiding=ErrorTest(self._missed),
+            naming=ErrorTest(self._misnamed),
         )
         weight = _weight(detection.score)
         track.weight = weight
@@ -285,9 +284,9 @@ class ObjectStream:
                 accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
                     check="hiding", source=self.source, status=Status.CONTRADICTED,
                     statistic=track.hiding.statistic, threshold=threshold, unit="llr", floor=floor,
-                    reason=f"{track.label} {track.name} {_where(track.box_px)} is not in the last "
-                    f"{track.hiding.length} messages, but {_there(track)}; the detector's own habit explains "
-                    "shorter gaps only", object=track.name)))  # fmt: skip
+                    reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
+                    f"{_share(track.hiding)}, but {_there(track)}; the detector's own habit explains "
+                    "fewer", object=track.name)))  # fmt: skip
             elif track.last_seen_ns < (self.last_ns or 0) and track.weight >= self.settings.established:
                 fair = track.absence(size, self.settings)
                 if fair:
@@ -308,7 +307,7 @@ class ObjectStream:
         return [Judgement(result=CheckResult(
             check="hiding", source=self.source, status=status, threshold=threshold, unit="llr", floor=floor,
             statistic=worst.hiding.statistic if worst else 0.0, reason=reason,
-            object=worst.name if worst and worst.hiding.length else None))]  # fmt: skip
+            object=worst.name if worst and worst.hiding.errors else None))]  # fmt: skip
 
     def _answer_naming(self) -> list[Judgement]:
         threshold = self._threshold("misclassification")
@@ -318,7 +317,7 @@ class ObjectStream:
                 check="misclassification", source=self.source, status=Status.CONTRADICTED,
                 statistic=track.naming.statistic, threshold=threshold, unit="llr", floor=floor,
                 reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
-                f"{track.naming.length} messages, but its pixels are the same: {_there(track)}",
+                f"{_share(track.naming)}, but its pixels are the same: {_there(track)}",
                 object=track.name))
             for track in self.tracks if track.naming.accused
         ]  # fmt: skip
@@ -329,7 +328,7 @@ class ObjectStream:
             check="misclassification", source=self.source, status=Status.CONSISTENT, threshold=threshold,
             unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0,
             reason=f"{len(self.tracks)} objects keep their names",
-            object=worst.name if worst and worst.naming.length else None))]  # fmt: skip
+            object=worst.name if worst and worst.naming.errors else None))]  # fmt: skip
 
     def _answer_injection(self) -> list[Judgement]:
         threshold = self._threshold("injection")
@@ -358,10 +357,10 @@ class ObjectStream:
         """Shortest run that would be accused."""
         if not self.interval_s:
             return None
-        test = RunTest(habit)
-        while not test.wrong(self.interval_s, threshold, 0) and test.length < 1000:
+        test = ErrorTest(habit)
+        while not test.wrong(self.interval_s, threshold, 0) and test.errors < 1000:
             pass
-        return f"{test.length * self.interval_s:.1f} s"
+        return f"{test.errors * self.interval_s:.1f} s"
 
 
 class ObjectStage:
@@ -455,6 +454,10 @@ def _apart(a: FloatArray, b: FloatArray) -> bool:
 
 def _where(box: FloatArray) -> str:
     return "at [" + ", ".join(f"{edge:.0f}" for edge in box) + "] px"
+
+
+def _share(test: ErrorTest) -> str:
+    return f"{test.errors} of the last {test.messages} messages"
 
 
 def _there(track: ObjectTrack) -> str:
