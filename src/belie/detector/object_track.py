@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from belie.checks.objects import ObjectSettings, ErrorTest
+from belie.checks.objects import ErrorTest, ObjectSettings
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
