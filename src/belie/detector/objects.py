@@ -216,21 +216,17 @@ class ObjectStream:
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
-        track.phantom_why = ""
+        track.phantom.why = ""
         if group not in _STANDING:
-            track.phantom_why = f"a {track.label} need not stand on the ground"
+            track.phantom.why = f"a {track.label} need not stand on the ground"
             return
-        evidence = None if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
-        if evidence is None:
-            track.phantom_why = self.scene.why or "its corners cannot be told from the ground"
+        told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        if told == (None, None):
+            track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return
-        if track.phantom == 0.0:
-            track.phantom_since_ns = stamp_ns
-        track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
         # What a detector imagines by itself is short and unsure.
-        track.is_phantom = track.weight >= self.settings.established and track.phantom >= self._threshold(
-            "injection"
-        ) * (0.5 if track.is_phantom else 1.0)
+        sure = track.weight >= self.settings.established
+        track.phantom.add(*told, self._threshold("injection"), stamp_ns, sure=sure)
 
     def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
         if len(self.tracks) >= self.settings.most_objects:
@@ -333,25 +329,25 @@ class ObjectStream:
     def _answer_injection(self) -> list[Judgement]:
         threshold = self._threshold("injection")
         accused = [
-            Judgement(onset_ns=track.phantom_since_ns, result=CheckResult(
-                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom,
+            Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
+                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
                 threshold=threshold, unit="llr", object=track.name,
                 reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
                 "box lie on the ground or the wall behind it"))
-            for track in self.tracks if track.is_phantom
+            for track in self.tracks if track.phantom.accused
         ]  # fmt: skip
         if accused:
             return accused
         told = [track for track in self.tracks if track.last_seen_ns == self.last_ns]
-        unseen = [track for track in told if track.phantom_why]
-        worst = max(told, key=lambda track: track.phantom, default=None)
+        unseen = [track for track in told if track.phantom.why]
+        worst = max(told, key=lambda track: track.phantom.statistic, default=None)
         status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
         reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
         if status is Status.UNDECIDED:
-            reason = f"no box can be told from what is behind it: {unseen[0].phantom_why}"
+            reason = f"no box can be told from what is behind it: {unseen[0].phantom.why}"
         return [Judgement(result=CheckResult(
             check="injection", source=self.source, status=status, threshold=threshold, unit="llr",
-            statistic=worst.phantom if worst else 0.0, reason=reason))]  # fmt: skip
+            statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
 
     def _floor(self, habit: Habit, threshold: float) -> str | None:
         """Shortest run that would be accused."""

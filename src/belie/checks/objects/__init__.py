@@ -2,7 +2,7 @@
 
 from belie.checks.objects.class_groups import ClassGroups
 from belie.checks.objects.habits import Counts, ErrorTest, Habit, run_threshold
-from belie.checks.objects.injection import background_evidence, passing_evidence
+from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "ErrorTest",
     "Habit",
     "ObjectSettings",
+    "PhantomTest",
     "background_evidence",
     "passing_evidence",
     "run_threshold",
