@@ -193,6 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--recordings", nargs="+", default=list(RECORDINGS), choices=RECORDINGS)
     parser.add_argument("--profile", default="default", choices=("default", "paper"))
     parser.add_argument("--families", nargs="+", default=["hide", "relabel", "phantom"])
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--misses", action="store_true", help="list every miss")
     chosen = parser.parse_args(arguments)
     jobs = [
@@ -204,7 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     for name in chosen.recordings:
         sights(name)  # before the fork: once for all
-    with multiprocessing.get_context("fork").Pool(2) as pool:
+    with multiprocessing.get_context("fork").Pool(chosen.jobs) as pool:
         clean = pool.map(
             honest, [(n, s, chosen.profile) for n in chosen.recordings for s in range(chosen.honest_seeds)]
         )

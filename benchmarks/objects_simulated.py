@@ -43,6 +43,7 @@ from belie.recordings import open_recording
 from belie.simulation.labels import ObjectLabel
 from belie.simulation.rendered import Rendered
 from belie.simulation.scenario import Scenario
+from belie.simulation.sensors.sampling import Motion
 from belie.simulation.simulate import SimulatedRecording
 from belie.simulation.stage import CAMERA, Stage, build_world
 from belie.simulation.truth import objects_path
@@ -74,7 +75,7 @@ class Kept:
     def __init__(self, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]]) -> None:
         self._images, self._labels = iter(images), iter(labels)
 
-    def render(self, t_s: float, T_world_body: SE3 | None = None) -> Rendered:
+    def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
         gray = next(self._images)
         return Rendered(bgr=np.empty((0, 0, 3), np.uint8), gray=gray, depth_m=None, ids=None)
@@ -115,7 +116,11 @@ class Eavesdropper:
 
 
 def simulated(
-    job: Job, images: Sequence[GrayImage], labels: Sequence[tuple[ObjectLabel, ...]], miss_run: float | None
+    job: Job,
+    images: Sequence[GrayImage],
+    labels: Sequence[tuple[ObjectLabel, ...]],
+    miss_run: float | None,
+    patch: str | None = None,
 ) -> SimulatedRecording:
     """The drive with the sensors of the job's seed."""
 
@@ -126,8 +131,10 @@ def simulated(
         )
 
     scenario = job.settings(job.sensor_seed)
-    if miss_run is not None:
-        told = scenario.sensors.object_detector.model_copy(update={"plain_miss_frames": miss_run})
+    changes = {"plain_miss_frames": miss_run, "patch": patch}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    if changes:
+        told = scenario.sensors.object_detector.model_copy(update=changes)
         sensors = scenario.sensors.model_copy(update={"object_detector": told})
         scenario = scenario.model_copy(update={"sensors": sensors})
     return SimulatedRecording(
@@ -151,12 +158,18 @@ def drive_of(bag_job: Job) -> Drive:
     return Drive(images, labels, tuple(ear.heard))
 
 
-def claims_of(job: Job, drive: Drive, profile: str, miss_run: float | None) -> MemoryRecording:
+def claims_of(
+    job: Job, drive: Drive, profile: str, miss_run: float | None, patch: str | None = None
+) -> MemoryRecording:
     """What the detector of a seed says of the drive; with the odometry too, where the profile needs it."""
-    recording = simulated(job, drive.images, drive.labels, miss_run)
-    keep = (lambda c: True) if profile == "paper" else (lambda c: isinstance(c, DetectionClaim))
+    recording = simulated(job, drive.images, drive.labels, miss_run, patch)
+    everything = profile == "paper"
     steps = tuple(
-        Step(frame=step.frame, claims=tuple(c for c in step.claims if keep(c))) for step in recording.steps()
+        Step(
+            frame=step.frame,
+            claims=tuple(c for c in step.claims if everything or isinstance(c, DetectionClaim)),
+        )
+        for step in recording.steps()
     )
     return MemoryRecording(name=job.bag.stem, cameras=recording.cameras, joined=steps)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from belie.checks.objects import ObjectSettings, RunTest
+from belie.checks.objects import ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.odometry.local_features import ImageStack, local_corners, window_of
@@ -35,8 +35,8 @@ class ObjectTrack:
     track_id: str
     label: str
     box_px: FloatArray
-    hiding: RunTest
-    naming: RunTest
+    hiding: ErrorTest
+    naming: ErrorTest
     corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     places: FloatArray = field(
         default_factory=lambda: np.empty((0, 2))
@@ -47,10 +47,7 @@ class ObjectTrack:
     births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
     born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
     born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
-    phantom: float = 0.0  # evidence that the box shows the background, nats
-    phantom_since_ns: int = 0
-    is_phantom: bool = False
-    phantom_why: str = "not yet seen from two places"
+    phantom: PhantomTest = field(default_factory=PhantomTest)  # whether the box shows the background
     detections: int = 0
     weight: float = 0.0  # of all detections
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
@@ -98,11 +95,15 @@ class ObjectTrack:
             self.growth = min(max(motion.growth, 0.8), 1.25)
             self.shift_px = motion.shift_px
         self.box_px = motion.box_px if leads else motion.predicted_box_px
-        self.corners_px, self.places = motion.found_px[motion.agreeing], self.places[motion.agreeing]
-        self.ages, self.births = self.ages[motion.agreeing], self.births[motion.agreeing]
-        self.born_px, self.born_places = self.born_px[motion.agreeing], self.born_places[motion.agreeing]
+        self.corners_px = motion.found_px
+        self._keep(motion.agreeing, self.ages)
         self.contrast = motion.contrast
         self.history.append((stamp_ns, self.box_px))
+
+    def _keep(self, which: npt.NDArray[np.bool_], ages: npt.NDArray[np.int64]) -> None:
+        self.corners_px, self.places, self.ages = self.corners_px[which], self.places[which], ages[which]
+        self.births, self.born_px = self.births[which], self.born_px[which]
+        self.born_places = self.born_places[which]
 
     def box_at(self, stamp_ns: int) -> FloatArray:
         """Its box in the frame nearest to a stamp."""
@@ -161,16 +162,8 @@ class ObjectTrack:
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
         places = self._places_of(self.corners_px)
-        rides = (np.abs(places - self.places) < _RIDES).all(axis=1) & (np.abs(places - 0.5) < 0.55).all(
-            axis=1
-        )
-        self.corners_px, self.places, self.ages = (
-            self.corners_px[rides],
-            self.places[rides],
-            self.ages[rides] + 1,
-        )
-        self.births, self.born_px = self.births[rides], self.born_px[rides]
-        self.born_places = self.born_places[rides]
+        rides = (np.abs(places - self.places) < _RIDES).all(axis=1)
+        self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
             if self.view is None or not self.view.fits(self.box_px):

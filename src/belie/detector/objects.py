@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from belie.checks.objects import Habit, ObjectSettings, RunTest, run_threshold
+from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
 from belie.detector.association import assign, covered, overlaps
 from belie.detector.object_track import ObjectTrack, in_view
@@ -33,6 +33,7 @@ _LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
 _SILENT = 5.0  # its usual intervals
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
+_FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
@@ -178,10 +179,10 @@ class ObjectStream:
         weight = _weight(detection.score)
         vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
-        track.hiding.right()
+        track.hiding.right(self.interval_s, _side(track.box_px))
         if not (misnamed or swapped):
-            track.naming.right()
-            track.called = ""
+            track.naming.right(self.interval_s)
+            track.called = track.called if track.naming.accused else ""
         else:
             if soft:
                 track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
@@ -194,7 +195,8 @@ class ObjectStream:
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
-        if not track.naming.accused:  # never learn from what was accused
+        # Never learn from what is suspected, where the old name is as well founded as an accusation must be.
+        if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += weight
@@ -202,27 +204,29 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame)
-        if track.is_soft and not track.naming.length:
+        if track.is_soft and not track.naming.errors:
             track.likeness.learn(current, track.box_px)
         track.cover_then = covered(box, others_px)
 
+    def _is_sure_of(self, track: ObjectTrack) -> bool:
+        """Whether the name it had till now could be the error: by the same test as the new one."""
+        messages = int(track.votes[track.group] / _FULL_VOTE)
+        told = sum(self._misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
+        return told >= self._threshold("misclassification")
+
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
-        track.phantom_why = ""
+        track.phantom.why = ""
         if group not in _STANDING:
-            track.phantom_why = f"a {track.label} need not stand on the ground"
+            track.phantom.why = f"a {track.label} need not stand on the ground"
             return
-        evidence = None if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
-        if evidence is None:
-            track.phantom_why = self.scene.why or "its corners cannot be told from the ground"
+        told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        if told == (None, None):
+            track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return
-        if track.phantom == 0.0:
-            track.phantom_since_ns = stamp_ns
-        track.phantom = min(max(0.0, track.phantom + evidence), 2.0 * self._threshold("injection"))
         # What a detector imagines by itself is short and unsure.
-        track.is_phantom = track.weight >= self.settings.established and track.phantom >= self._threshold(
-            "injection"
-        ) * (0.5 if track.is_phantom else 1.0)
+        sure = track.weight >= self.settings.established
+        track.phantom.add(*told, self._threshold("injection"), stamp_ns, sure=sure)
 
     def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
         if len(self.tracks) >= self.settings.most_objects:
@@ -233,8 +237,8 @@ class ObjectStream:
             track_id=detection.track_id,
             label=detection.label,
             box_px=box,
-            hiding=RunTest(self._missed),
-            naming=RunTest(self._misnamed),
+            hiding=ErrorTest(self._missed),
+            naming=ErrorTest(self._misnamed),
         )
         weight = _weight(detection.score)
         track.weight = weight
@@ -276,9 +280,9 @@ class ObjectStream:
                 accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
                     check="hiding", source=self.source, status=Status.CONTRADICTED,
                     statistic=track.hiding.statistic, threshold=threshold, unit="llr", floor=floor,
-                    reason=f"{track.label} {track.name} {_where(track.box_px)} is not in the last "
-                    f"{track.hiding.length} messages, but {_there(track)}; the detector's own habit explains "
-                    "shorter gaps only", object=track.name)))  # fmt: skip
+                    reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
+                    f"{_share(track.hiding)}, but {_there(track)}; the detector's own habit explains "
+                    "fewer", object=track.name)))  # fmt: skip
             elif track.last_seen_ns < (self.last_ns or 0) and track.weight >= self.settings.established:
                 fair = track.absence(size, self.settings)
                 if fair:
@@ -299,7 +303,7 @@ class ObjectStream:
         return [Judgement(result=CheckResult(
             check="hiding", source=self.source, status=status, threshold=threshold, unit="llr", floor=floor,
             statistic=worst.hiding.statistic if worst else 0.0, reason=reason,
-            object=worst.name if worst and worst.hiding.length else None))]  # fmt: skip
+            object=worst.name if worst and worst.hiding.errors else None))]  # fmt: skip
 
     def _answer_naming(self) -> list[Judgement]:
         threshold = self._threshold("misclassification")
@@ -309,7 +313,7 @@ class ObjectStream:
                 check="misclassification", source=self.source, status=Status.CONTRADICTED,
                 statistic=track.naming.statistic, threshold=threshold, unit="llr", floor=floor,
                 reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
-                f"{track.naming.length} messages, but its pixels are the same: {_there(track)}",
+                f"{_share(track.naming)}, but its pixels are the same: {_there(track)}",
                 object=track.name))
             for track in self.tracks if track.naming.accused
         ]  # fmt: skip
@@ -320,39 +324,39 @@ class ObjectStream:
             check="misclassification", source=self.source, status=Status.CONSISTENT, threshold=threshold,
             unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0,
             reason=f"{len(self.tracks)} objects keep their names",
-            object=worst.name if worst and worst.naming.length else None))]  # fmt: skip
+            object=worst.name if worst and worst.naming.errors else None))]  # fmt: skip
 
     def _answer_injection(self) -> list[Judgement]:
         threshold = self._threshold("injection")
         accused = [
-            Judgement(onset_ns=track.phantom_since_ns, result=CheckResult(
-                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom,
+            Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
+                check="injection", source=self.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
                 threshold=threshold, unit="llr", object=track.name,
                 reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
                 "box lie on the ground or the wall behind it"))
-            for track in self.tracks if track.is_phantom
+            for track in self.tracks if track.phantom.accused
         ]  # fmt: skip
         if accused:
             return accused
         told = [track for track in self.tracks if track.last_seen_ns == self.last_ns]
-        unseen = [track for track in told if track.phantom_why]
-        worst = max(told, key=lambda track: track.phantom, default=None)
+        unseen = [track for track in told if track.phantom.why]
+        worst = max(told, key=lambda track: track.phantom.statistic, default=None)
         status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
         reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
         if status is Status.UNDECIDED:
-            reason = f"no box can be told from what is behind it: {unseen[0].phantom_why}"
+            reason = f"no box can be told from what is behind it: {unseen[0].phantom.why}"
         return [Judgement(result=CheckResult(
             check="injection", source=self.source, status=status, threshold=threshold, unit="llr",
-            statistic=worst.phantom if worst else 0.0, reason=reason))]  # fmt: skip
+            statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
 
     def _floor(self, habit: Habit, threshold: float) -> str | None:
         """Shortest run that would be accused."""
         if not self.interval_s:
             return None
-        test = RunTest(habit)
-        while not test.wrong(self.interval_s, threshold, 0) and test.length < 1000:
+        test = ErrorTest(habit)
+        while not test.wrong(self.interval_s, threshold, 0) and test.errors < 1000:
             pass
-        return f"{test.length * self.interval_s:.1f} s"
+        return f"{test.errors * self.interval_s:.1f} s"
 
 
 class ObjectStage:
@@ -432,7 +436,7 @@ def _as_gray(image: GrayImage) -> GrayImage:
 
 
 def _weight(score: float) -> float:
-    return 2.0 * min(max((score - 0.3) / 0.6, 0.1), 1.0)
+    return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
 
 
 def _side(box: FloatArray) -> float:
@@ -446,6 +450,10 @@ def _apart(a: FloatArray, b: FloatArray) -> bool:
 
 def _where(box: FloatArray) -> str:
     return "at [" + ", ".join(f"{edge:.0f}" for edge in box) + "] px"
+
+
+def _share(test: ErrorTest) -> str:
+    return f"{test.errors} of the last {test.messages} messages"
 
 
 def _there(track: ObjectTrack) -> str:

@@ -73,10 +73,12 @@ class SceneWitness:
             self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
-    def evidence(self, track: ObjectTrack) -> float | None:
-        """Log-likelihood ratio, nats, for a box with the background in it; None where it cannot be told."""
-        told = [each for each in (self._passing(track), self._lying(track)) if each is not None]
-        return max(told, default=None)
+    def evidence(self, track: ObjectTrack) -> tuple[float | None, float | None]:
+        """Log-likelihood ratios, nats, for a box with the background in it; None where it cannot be told.
+
+        That the scene passes through the box, and that its corners lie on the ground or the wall.
+        """
+        return self._passing(track), self._lying(track)
 
     def _passing(self, track: ObjectTrack) -> float | None:
         """Whether the still scene passes through the box."""
@@ -89,8 +91,8 @@ class SceneWitness:
         scene_now, scene_before = self._scene_places(track)
         now, before = np.concatenate([now[older], scene_now]), np.concatenate([before[older], scene_before])
         still = np.concatenate([still[older], np.ones(len(scene_now), dtype=bool)])
-        middle = (np.abs(now - 0.5) < _MIDDLE).all(axis=1)
-        rides = (np.abs(now - before) < _RIDES).all(axis=1)
+        middle = np.asarray((np.abs(now - 0.5) < _MIDDLE).all(axis=1))
+        rides = np.asarray((np.abs(now - before) < _RIDES).all(axis=1))
         return passing_evidence(rides[middle], still[middle])
 
     def _scene_places(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray]:
@@ -101,15 +103,21 @@ class SceneWitness:
         then, box_then = track.told_before
         if then not in poses or then == self.frame:
             return none, none
-        xy, rho, _ = self._scene
-        low, high = self._undistorted(track.told_px.reshape(2, 2) - 0.5)
-        inside = np.asarray(((xy > low) & (xy < high)).all(axis=1) & (rho > 0.0))
-        xy, rho = xy[inside], rho[inside]
+        xy, rho, _ = self._scene_within(track.told_px)
+        xy, rho = xy[rho > 0.0], rho[rho > 0.0]
         points = np.column_stack([xy, np.ones(len(xy))]) / rho[:, None]
         points_then = (poses[then].inverse() @ poses[self.frame]).apply(points)
         ahead = points_then[:, 2] > _NEAREST * points[:, 2]
         now_px, then_px = self.camera.project(points[ahead]), self.camera.project(points_then[ahead])
         return places_in(track.told_px, now_px), places_in(box_then, then_px)
+
+    def _scene_within(self, box_px: FloatArray) -> Scene:
+        """The still scene's corners inside a box."""
+        assert self._scene is not None
+        xy, rho, deviation = self._scene
+        low, high = self._undistorted(box_px.reshape(2, 2) - 0.5)
+        inside = np.asarray(((xy > low) & (xy < high)).all(axis=1))
+        return xy[inside], rho[inside], deviation[inside]
 
     def _lying(self, track: ObjectTrack) -> float | None:
         """Whether its corners lie on the ground or the wall."""
@@ -120,8 +128,11 @@ class SceneWitness:
             return None  # its foot is out of view, or it is too far away
         depth, deviation, still = self._depths(track)
         known = np.isfinite(deviation)
-        depth, deviation = np.where(still, depth, np.nan)[known], deviation[known]
-        xy = self._undistorted(track.corners_px)[known]
+        # Its own corners are many and young; those of the scene are few and have been triangulated for long.
+        scene_xy, scene_depth, scene_deviation = self._scene_within(track.box_px)
+        depth = np.concatenate([np.where(still, depth, np.nan)[known], scene_depth])
+        deviation = np.concatenate([deviation[known], scene_deviation])
+        xy = np.concatenate([self._undistorted(track.corners_px)[known], scene_xy])
         if len(xy) == 0:
             return None
         foot_xy = self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5)
@@ -131,7 +142,7 @@ class SceneWitness:
         if foot > 0.0:
             # At the horizon the ground is as far as what drives along with the camera, or the sky.
             ground = self._ground.at(xy)
-            below = ground > error
+            below = np.asarray(ground > error)
             on_ground = background_evidence(depth[below], deviation[below], ground[below], foot)
             if on_ground is not None:
                 found.append(on_ground)

@@ -1,16 +1,17 @@
 """Checks of object detections, section III-C: hiding, misclassification, injection."""
 
 from belie.checks.objects.class_groups import ClassGroups
-from belie.checks.objects.habits import Counts, Habit, RunTest, run_threshold
-from belie.checks.objects.injection import background_evidence, passing_evidence
+from belie.checks.objects.habits import Counts, ErrorTest, Habit, run_threshold
+from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
 
 __all__ = [
     "ClassGroups",
     "Counts",
+    "ErrorTest",
     "Habit",
     "ObjectSettings",
-    "RunTest",
+    "PhantomTest",
     "background_evidence",
     "passing_evidence",
     "run_threshold",

@@ -1,8 +1,9 @@
 """How a detector errs when nobody attacks it: how often it misses or misnames an object, and for how long.
 
 Both are two-state Markov chains: an error begins with probability p a message and goes on with probability q. They
-are learned from the errors that ended by themselves; what was accused is never learned from. Counts of the stream
-are the prior of each object's own, so that an object that flickers (small, foggy) is given its own patience.
+are learned from errors that ended by themselves, as far as those were more likely honest than not; what was accused is
+never learned from. Counts of the stream are the prior of each object's own, so that an object that flickers (small,
+foggy) is given its own patience.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ _LEAST = 0.02  # no detector is trusted to be better, however long it has been
 _MOST = 0.97
 _STEEPNESS = 4.0
 _OBJECT_WEIGHT = 0.5  # of the stream's prior, for the object's own
+_ACQUITS = 0.5  # of the threshold: an accusation ends below; two messages without error
+# Share of messages in which a lie fails. As rare as the misses of the best detector: so an object that is told of
+# every other time is never accused. The sum still grows with a patch that fails in one message of ten.
+_LAPSE = _LEAST
 
 
 @dataclass(slots=True)
@@ -44,11 +49,13 @@ class Habit:
     --------
     >>> habit = Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10)
     >>> own = Counts()
-    >>> round(habit.surprise(own, 0, 0.1), 1), round(habit.surprise(own, 1, 0.1), 1)
-    (3.0, 2.9)
+    >>> [round(habit.wrong(own, error, 0.1), 1) for error in (False, True)]  # a first miss, and one more
+    [3.0, 2.9]
+    >>> [round(habit.right(own, error, 0.1), 1) for error in (False, True)]
+    [-3.9, -3.9]
     >>> for _ in range(30):
-    ...     habit.ended(own, 8)  # it flickers
-    >>> habit.surprise(own, 1, 0.1) < 0.5
+    ...     habit.learn(own, Counts(begun=1, lasted=7, right=1))  # it flickers
+    >>> habit.wrong(own, True, 0.1) < 0.5
     True
     """
 
@@ -59,27 +66,30 @@ class Habit:
     half_seen_px: float = 20.0
     stream: Counts = field(default_factory=Counts)
 
-    def right(self, own: Counts) -> None:
-        """A message without error about an object."""
-        self.stream.right += 1.0
-        own.right += 1.0
-
-    def ended(self, own: Counts, length: int) -> None:
-        """An error that lasted `length` messages has ended by itself."""
+    def learn(self, own: Counts, seen: Counts, weight: float = 1.0) -> None:
+        """Take over what was seen of an object, by the probability that nobody lied."""
         for counts in (self.stream, own):
-            counts.begun += 1.0
-            counts.lasted += length - 1.0
+            counts.right += weight * seen.right
+            counts.begun += weight * seen.begun
+            counts.lasted += weight * seen.lasted
 
-    def surprise(self, own: Counts, position: int, interval_s: float, side_px: float = 1e3) -> float:
-        """Log-likelihood ratio, nats, that the error number `position` (from 0) of a run adds for an attack.
+    def wrong(self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3) -> float:
+        """Log-likelihood ratio, nats, of an attack by a message in error, after one in error or a right one.
 
         `side_px` of the object: what is hard to see because it is small stays hard to see.
         """
-        if position == 0:
-            return -math.log(self._begins(own))
+        return math.log((1.0 - _LAPSE) / self._errs(own, after_error, interval_s, side_px))
+
+    def right(self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3) -> float:
+        """Log-likelihood ratio, nats, of an attack by a message without error; never speaks for one."""
+        return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px))), 0.0)
+
+    def _errs(self, own: Counts, after_error: bool, interval_s: float, side_px: float) -> float:
+        if not after_error:
+            return self._begins(own)
         hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
         lasts = self._lasts(own, interval_s)
-        return -math.log(_bounded(lasts + (1.0 - lasts) * hard))
+        return _bounded(lasts + (1.0 - lasts) * hard)
 
     def share(self) -> float:
         """Share of the messages about objects that err, by the stream and what was expected of it."""
@@ -116,34 +126,52 @@ def _bounded(share: float) -> float:
 
 
 @dataclass(slots=True)
-class RunTest:
-    """Whether a run of errors of one object is longer than the detector's habit explains.
+class ErrorTest:
+    """Whether an object is told of wrongly more often than the detector's habit explains.
 
-    The run's log-likelihood ratio against the habit is the statistic; it crosses `threshold` by chance once in the
-    stated time: ``threshold = log(opportunities per hour / false alarms per hour)`` (Markov's inequality for a
-    likelihood ratio with mean one, over every start).
+    Page's test (Biometrika 41, 1954): each message adds its log-likelihood ratio for a lie that fails now and then,
+    against the habit; the sum never falls below 0. So a patch that fails in one message of ten is found over
+    several runs, though no single run tells. The sum crosses `threshold` by chance once in the stated time:
+    ``threshold = log(opportunities per hour / false alarms per hour)`` (Lorden, Annals of Mathematical Statistics 42,
+    1971: Markov's inequality for a likelihood ratio with mean one, over every start). Since the prior odds of a lie are
+    ``exp(-threshold)``, those after an excursion are ``exp(peak - threshold)``, by which it is learned when it is over.
 
     Examples
     --------
     >>> habit = Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10)
-    >>> test = RunTest(habit)
+    >>> test = ErrorTest(habit)
     >>> [test.wrong(0.1, 14.0, i) for i in range(5)]
     [False, False, False, False, True]
+    >>> patched = ErrorTest(habit)
+    >>> told = [patched.right(0.1) if i == 3 else patched.wrong(0.1, 14.0, i) for i in range(8)]
+    >>> patched.accused, patched.errors, patched.messages
+    (True, 7, 8)
     """
 
     habit: Habit
     own: Counts = field(default_factory=Counts)
-    length: int = 0
+    length: int = 0  # consecutive errors up to now
+    errors: int = 0  # of the excursion
+    messages: int = 0
     statistic: float = 0.0
+    peak: float = 0.0
+    threshold: float = math.inf  # the latest
     onset_ns: int = 0
     accused: bool = False
+    _seen: Counts = field(default_factory=Counts)  # in this excursion, not learned yet
 
-    def right(self) -> None:
-        """A message without error: the run is over."""
-        if self.length and not self.accused:
-            self.habit.ended(self.own, self.length)
-        self.habit.right(self.own)
-        self.length, self.statistic, self.accused = 0, 0.0, False
+    def right(self, interval_s: float, side_px: float = 1e3) -> None:
+        """A message without error."""
+        self.statistic += self.habit.right(self.own, self.length > 0, interval_s, side_px)
+        self.length = 0
+        self._seen.right += 1.0
+        self.messages += 1
+        if self.accused and self.statistic < _ACQUITS * self.threshold:
+            self.excuse()
+        elif self.statistic <= 0.0:
+            weight = 1.0 / (1.0 + math.exp(min(self.peak - self.threshold, 50.0)))
+            self.habit.learn(self.own, self._seen, weight)
+            self.excuse()
 
     def wrong(
         self,
@@ -158,20 +186,29 @@ class RunTest:
 
         `vouched`: the pixels are sure; nobody is accused before.
         """
-        if self.length == 0:
+        if self.errors == 0:
             self.onset_ns = stamp_ns
-        self.statistic += self.habit.surprise(self.own, self.length, interval_s, side_px)
-        self.length += 1
+        told = self.habit.wrong(self.own, self.length > 0, interval_s, side_px)
+        self.statistic = max(self.statistic + told, 0.0)
+        if self.length:
+            self._seen.lasted += 1.0
+        else:
+            self._seen.begun += 1.0
+        self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
+        self.peak, self.threshold = max(self.peak, self.statistic), threshold
         self.accused = self.accused or (vouched and self.statistic >= threshold)
+        if self.accused:
+            self.statistic = min(self.statistic, threshold)  # so that it can end soon
         return self.accused
 
     def excuse(self) -> None:
         """The pixels cannot tell (any more): whatever was found ends without a verdict, and nothing is learned."""
-        self.length, self.statistic, self.accused = 0, 0.0, False
+        self.length, self.errors, self.messages, self.statistic, self.peak = 0, 0, 0, 0.0, 0.0
+        self.accused, self._seen = False, Counts()
 
 
 def run_threshold(false_alarms_per_hour: float, messages_per_hour: float, objects: float) -> float:
-    """Threshold of a `RunTest`, nats.
+    """Threshold of an `ErrorTest`, nats.
 
     >>> round(run_threshold(0.1, 36000, 3), 1)
     13.9

@@ -9,6 +9,8 @@ on a wall at whose foot it stands) cannot be told from a flat object, and is not
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -93,7 +95,8 @@ def passing_evidence(rides: npt.NDArray[np.bool_], still: npt.NDArray[np.bool_])
 
     Examples
     --------
-    >>> passing_evidence(np.zeros(3, bool), np.ones(3, bool)), passing_evidence(np.ones(8, bool), np.ones(8, bool))
+    >>> passes, rides = np.zeros(3, bool), np.ones(3, bool)
+    >>> round(passing_evidence(passes, np.ones(3, bool)), 1), passing_evidence(rides, np.ones(3, bool))
     (3.9, None)
     """
     passing, stray = int((~rides & still).sum()), int((~rides & ~still).sum())
@@ -101,3 +104,49 @@ def passing_evidence(rides: npt.NDArray[np.bool_], still: npt.NDArray[np.bool_])
         return None
     evidence = _PASSES * passing - _RIDES * int(rides.sum())
     return float(np.clip(evidence, -_MOST_A_MESSAGE, _MOST_A_MESSAGE))
+
+
+@dataclass(slots=True)
+class PhantomTest:
+    """What speaks for a phantom, summed over messages (Page's test).
+
+    Two kinds of evidence, which are blind at different times: over a short way nothing passes through a box on a far
+    road, though its corners already lie on the ground. So where the depths say nothing, corners that seem to ride
+    take back only what corners that passed had given.
+
+    Examples
+    --------
+    >>> test = PhantomTest()
+    >>> [test.add(*told, 14.0, i) for i, told in enumerate([(None, 6.0), (-3.0, None), (-3.0, 6.0), (1.3, 6.0)])]
+    [False, False, False, True]
+    """
+
+    statistic: float = 0.0  # nats
+    since_ns: int = 0
+    accused: bool = False
+    why: str = "not yet seen from two places"  # nothing can be told, if not empty
+    _passed: float = 0.0  # of the statistic, what the scene gave that passed through the box
+
+    def add(
+        self,
+        passing: float | None,
+        lying: float | None,
+        threshold: float,
+        stamp_ns: int,
+        *,
+        sure: bool = True,
+    ) -> bool:
+        """Evidence of both kinds from one message, nats (None: blind); True while it is accused.
+
+        `sure`: nobody is accused before.
+        """
+        if self.statistic == 0.0:
+            self.since_ns = stamp_ns
+        told = max((each for each in (passing, lying) if each is not None), default=0.0)
+        if lying is None:
+            told = max(told, -self._passed)
+        if lying is None or (passing is not None and passing >= lying):
+            self._passed = max(self._passed + told, 0.0)
+        self.statistic = min(max(self.statistic + told, 0.0), 2.0 * threshold)
+        self.accused = sure and self.statistic >= threshold * (0.5 if self.accused else 1.0)
+        return self.accused

@@ -1,0 +1,84 @@
+"""Evidence about boxes and habits, one function at a time."""
+
+import numpy as np
+import pytest
+
+from belie.checks.objects import Counts, ErrorTest, Habit, passing_evidence
+
+
+def test_a_box_that_the_scene_passes_through_is_suspect_and_one_that_carries_its_corners_is_not():
+    through = passing_evidence(np.zeros(4, bool), np.ones(4, bool))
+    assert through is not None
+    assert through > 5.0
+    mostly_rides = passing_evidence(np.arange(10) > 0, np.ones(10, bool))
+    assert mostly_rides is not None
+    assert mostly_rides < 0.0
+
+
+def test_corners_that_neither_ride_nor_keep_still_are_another_object():
+    assert passing_evidence(np.zeros(6, bool), np.arange(6) < 2) is None
+
+
+def habit_after(gaps, messages=600, rate=0.03):
+    habit, own = Habit(rate=rate, persistence_s=0.02, prior_messages=40, prior_gaps=10), Counts()
+    for length in gaps:
+        habit.learn(own, Counts(begun=1, lasted=length - 1))
+    habit.learn(own, Counts(right=messages))
+    return habit
+
+
+@pytest.mark.parametrize(("gaps", "low_s", "high_s"), [([1] * 30, 0.0, 0.05), ([4] * 30, 0.2, 0.6)])
+def test_how_long_misses_last_is_told_in_seconds(gaps, low_s, high_s):
+    assert low_s < habit_after(gaps).memory_s(0.1) < high_s
+
+
+def test_a_habit_that_was_learned_gives_patience_from_the_first_message_on():
+    learnt = habit_after([4] * 30)
+    taught = Habit(rate=learnt.share(), persistence_s=learnt.memory_s(0.1), prior_messages=40, prior_gaps=10)
+    new = Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10)
+    gap = [sum(h.wrong(Counts(), k > 0, 0.1) for k in range(6)) for h in (taught, new)]
+    assert gap[0] < 6.0 < 14.0 < gap[1]
+
+
+def told_of(pattern, test, threshold=14.6):
+    """Message at which a pattern of misses ("x") and detections (".") is accused, or None."""
+    for k, letter in enumerate(pattern):
+        if letter == ".":
+            test.right(0.1)
+        elif test.wrong(0.1, threshold, k):
+            return k
+    return None
+
+
+def fresh_test():
+    test = ErrorTest(Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10))
+    assert told_of("." * 60, test) is None
+    return test
+
+
+@pytest.mark.parametrize("pattern", ["xxx.xxx.xxx.xxx", "xx.xxxx.xxxx", "xxxx.xxxx"])
+def test_a_lie_that_fails_now_and_then_is_found_over_several_runs(pattern):
+    assert told_of(pattern, fresh_test()) is not None
+
+
+@pytest.mark.parametrize("pattern", ["x." * 40, "xx...." * 40, "x.x..xx...x..." * 20])
+def test_flicker_is_not_accused(pattern):
+    assert told_of(pattern, fresh_test()) is None
+
+
+def test_an_accused_run_is_not_learned_and_one_that_ended_is():
+    accused, ended = fresh_test(), fresh_test()
+    before = (accused.own.begun, accused.own.lasted)
+    assert told_of("xxxxxxxx", accused) is not None
+    assert told_of("......", accused) is None
+    assert (accused.own.begun, accused.own.lasted) == before
+    assert told_of("xx......", ended) is None
+    assert ended.own.begun + ended.own.lasted == pytest.approx(before[0] + before[1] + 2.0, abs=0.01)
+
+
+def test_an_accusation_outlasts_one_message_and_ends_with_the_next():
+    test = fresh_test()
+    assert told_of("xxxxxxxxxxxx", test) is not None
+    for still in (True, False):
+        test.right(0.1)
+        assert test.accused is still
