@@ -102,6 +102,7 @@ class VisualOdometry:
         self._corners = TrackedCorners()
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
+        self._unit = 1.0
         self._forget_motion()
 
     def _begin_anew(self) -> None:
