@@ -23,6 +23,7 @@ from belie.odometry.relative_pose import RelativePose, covariance_of
 _COLUMNS, _ROWS = 4, 3
 _CLUSTERS = _COLUMNS * _ROWS
 LEAST_CORNERS = 3 * _CLUSTERS  # in each part of the image a few, or their disagreement says nothing
+_UNKNOWN_EXCESS = 4.0  # before frames have told: parts that disagree twice as much as noise explains
 _NEAR = 1e-3
 _TRANSLATION, _ROTATION = slice(0, 3), slice(3, 6)
 
@@ -50,7 +51,7 @@ class PoseCovariance:
     ...     shifted = current + shift * (current[:, :1] < 0.0) * np.array([0.0, 1.0])
     ...     pose = estimate_relative_pose(
     ...         previous, shifted, 1 / points[:, 2], np.full(200, 1e-4), motion, sigma=sigma)
-    ...     C = PoseCovariance(10).update(previous, shifted, pose, sigma)
+    ...     C = PoseCovariance(1).update(previous, shifted, pose, sigma)
     ...     return float(np.sqrt(C[4, 4]))
     >>> deviation(3.0 * sigma) > 1.5 * deviation(0.0)
     True
@@ -83,7 +84,7 @@ class PoseCovariance:
         among = np.diag(C @ (g.T @ g) @ C) * _CLUSTERS / (_CLUSTERS - 6)
         within = np.diag(C)
         excess = np.array([among[k].sum() / within[k].sum() for k in (_TRANSLATION, _ROTATION)])
-        old = excess if self._excess is None else self._excess
+        old = np.full(2, _UNKNOWN_EXCESS) if self._excess is None else self._excess
         self._excess = (1.0 - self._share) * old + self._share * excess
         # Corners that happen to agree better than their noise allows are no better than their noise.
         spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3)
