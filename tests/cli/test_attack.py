@@ -56,7 +56,7 @@ def test_the_recording_itself_is_never_the_target(run, attacked):
         (["odometry-ofset"], "out.mcap", "did you mean 'odometry-offset'?"),
         (["odometry-freeze:start=500"], "out.mcap", "the recording has 90 frames"),
         (["odometry-freeze:start=60"], "out.bag", "must end in .mcap"),
-        ([], "out.mcap", "Missing argument 'SPEC...'"),
+        ([], "out.mcap", "SPEC... and -o OUT.mcap are needed"),
     ],
 )
 def test_bad_attacks_are_one_line(run, drive, tmp_path, specs, output, expected):
