@@ -40,7 +40,8 @@ class View:
     def fits(self, box_px: FloatArray) -> bool:
         """Whether a box still lies about where and as large as the window was made for."""
         window = window_of(box_px)
-        off = np.abs(window.centre_px - self.window.centre_px).max() * self.window.scale
+        (x, y), (u, v) = window.centre_px.tolist(), self.window.centre_px.tolist()
+        off = max(abs(x - u), abs(y - v)) * self.window.scale
         return bool(off < _OFF_PX and 0.8 < window.scale / self.window.scale < 1.25)
 
 
@@ -143,9 +144,11 @@ def moved_box(box_px: FloatArray, growth: float, shift_px: FloatArray) -> FloatA
     >>> moved_box(np.array([0.0, 0.0, 10.0, 10.0]), 2.0, np.array([1.0, 0.0]))
     array([-4., -5., 16., 15.])
     """
-    middle = 0.5 * (box_px[:2] + box_px[2:])
-    half = 0.5 * growth * (box_px[2:] - box_px[:2])
-    return np.concatenate([middle + shift_px - half, middle + shift_px + half])
+    left, top, right, bottom = box_px.tolist()
+    x, y = (float(s) for s in shift_px)
+    x, y = x + 0.5 * (left + right), y + 0.5 * (top + bottom)
+    w, h = 0.5 * growth * (right - left), 0.5 * growth * (bottom - top)
+    return np.array([x - w, y - h, x + w, y + h])
 
 
 def contrast_of(picture: GrayImage) -> float:
