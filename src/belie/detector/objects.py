@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
@@ -38,6 +39,7 @@ _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mis
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_FOOT = 0.05  # of the side: how much a detector errs about where an object stands
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -119,9 +121,10 @@ class ObjectStream:
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         found = assign(then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told])
         self.crowd += 0.05 * (len(self.tracks) - self.crowd)
+        standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         for i, track in enumerate(self.tracks):
             if i not in found:
-                self._absent(track, claim.stamp_ns, boxes, current.size)
+                self._absent(track, claim.stamp_ns, boxes, standing, current.size)
         owners, cover = {self.tracks[i].track_id: self.tracks[i] for i in found}, covered_by_others(boxes)
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
@@ -156,13 +159,21 @@ class ObjectStream:
         rate = self.false_alarms_per_hour * _RATE_SHARE[check]
         return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
 
-    def _absent(self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, size: tuple[int, int]) -> None:
+    def _absent(
+        self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, standing: npt.NDArray[np.bool_],
+        size: tuple[int, int],
+    ) -> None:  # fmt: skip
         here = track.box_at(stamp_ns)
         cover = covered(here, boxes)
         merged = len(boxes) > 0 and float(overlaps(here[None], boxes).max()) > _MERGED
         fair = track.absence(size, self.settings)
         if not fair and cover > self.settings.most_covered and (merged or cover > track.cover_then + _NEWLY):
             fair = "covered by another detection"
+        if not fair and track.group in _STANDING:
+            # Of two that stand on the ground, the nearer one's foot is further below.
+            nearer = boxes[standing & (boxes[:, 3] > here[3] + _FOOT * longer_side(here))]
+            if covered(here, nearer) > self.settings.most_covered:
+                fair = "behind a nearer detection"
         if fair:
             track.hiding.excuse()
         else:
