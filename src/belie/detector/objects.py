@@ -88,8 +88,10 @@ class ObjectStream:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
             return True
         known_ns = max(track.last_seen_ns, track.last_found_ns if track.hiding.accused else 0)
-        patience = _FORGET_NS if track.absence(size, self.settings) else 5 * _FORGET_NS
-        return stamp_ns - known_ns > max(patience, int(3e9 * self.interval_s))
+        silent_ns, usual_ns = stamp_ns - known_ns, int(3e9 * self.interval_s)
+        if silent_ns <= max(_FORGET_NS, usual_ns):
+            return False
+        return bool(track.absence(size, self.settings)) or silent_ns > max(5 * _FORGET_NS, usual_ns)
 
     def unheard(self) -> None:
         """No message was judged at this frame."""

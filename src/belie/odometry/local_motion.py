@@ -7,6 +7,7 @@ motion. What does not agree (the background in the box's edges, another object) 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,8 +69,8 @@ class LocalMotion:
 
 
 @compiled()
-def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, float, float, Any]:
-    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on, and which do."""
+def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, float, float, Any, float]:
+    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on, which do, and their error squared."""
     n = a.shape[0]
     best = -1
     bc, bs, bx, by = 1.0, 0.0, 0.0, 0.0
@@ -135,7 +136,15 @@ def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, flo
         if power > 25.0 * count:
             bc, bs = cross / power, turn / power
         bx, by = ux - bc * ax + bs * ay, uy - bs * ax - bc * ay
-    return bc, bs, bx, by, agree
+    error = 0.0
+    count = 0
+    for k in range(n):
+        if agree[k]:
+            rx = bc * a[k, 0] - bs * a[k, 1] + bx - b[k, 0]
+            ry = bs * a[k, 0] + bc * a[k, 1] + by - b[k, 1]
+            error += rx * rx + ry * ry
+            count += 1
+    return bc, bs, bx, by, agree, error / max(count, 1)
 
 
 def moved_box(box_px: FloatArray, growth: float, shift_px: FloatArray) -> FloatArray:
@@ -204,18 +213,15 @@ def follow_object(
     new_growth, new_shift = growth, np.asarray(shift_px, dtype=np.float64)
     box = predicted_box
     if verified.any():
-        c, s, tx, ty, agree = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
+        c, s, tx, ty, agree, squared = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
         agreeing[verified] = agree
-        if int(agree.sum()) >= _LEAST_AGREEING:
+        if np.count_nonzero(agree) >= _LEAST_AGREEING:
             middle = 0.5 * (box_px[:2] + box_px[2:])
             x, y = before.to_window(middle - 0.5)
             new_middle = after.to_image(np.array([c * x - s * y + tx, s * x + c * y + ty])) + 0.5
-            new_growth, new_shift = growth * float(np.hypot(c, s)), new_middle - middle
+            new_growth, new_shift = growth * math.hypot(c, s), new_middle - middle
             box = moved_box(box_px, new_growth, new_shift)
-            model = np.column_stack(
-                [c * start[:, 0] - s * start[:, 1] + tx, s * start[:, 0] + c * start[:, 1] + ty]
-            )
-            error = float(np.mean(((model - found)[agreeing] ** 2).sum(axis=1))) / after.scale**2
+            error = squared / after.scale**2
     return LocalMotion(
         predicted_box_px=predicted_box,
         box_px=box,
