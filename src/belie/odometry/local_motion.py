@@ -70,7 +70,7 @@ class LocalMotion:
 
 @compiled()
 def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, float, float, Any, float]:
-    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on, which do, and their error squared."""
+    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on; which do; their squared error."""
     n = a.shape[0]
     best = -1
     bc, bs, bx, by = 1.0, 0.0, 0.0, 0.0
