@@ -108,7 +108,13 @@ class Eavesdropper:
         """Nothing of interest."""
 
     def update(
-        self, frame: Frame, estimate: VisualEstimate | None, scene: Scene | None, *, doubted: str = ""
+        self,
+        frame: Frame,
+        estimate: VisualEstimate | None,
+        scene: Scene | None,
+        *,
+        doubted: str = "",
+        half: GrayImage | None = None,
     ) -> list[Judgement]:
         """Keep it."""
         self.heard.append((estimate, scene, doubted))

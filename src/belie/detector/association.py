@@ -32,6 +32,20 @@ def overlaps(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(common / np.maximum(area_a[:, None] + area_b[None, :] - common, 1e-9))
 
 
+def covered_by_others(boxes: FloatArray) -> FloatArray:
+    """Largest share of each box (N, 4) that another one of them covers, shape (N,).
+
+    >>> covered_by_others(np.array([[0.0, 0, 2, 2], [1, 0, 3, 2], [8, 8, 9, 9]]))
+    array([0.5, 0.5, 0. ])
+    """
+    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=2)
+    area = np.maximum(np.diagonal(common).copy(), 1e-9)
+    np.fill_diagonal(common, 0.0)
+    return np.asarray(common.max(axis=1, initial=0.0) / area)
+
+
 def covered(box: FloatArray, others: FloatArray) -> float:
     """Largest share of a box that one of the others covers.
 

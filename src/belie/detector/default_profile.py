@@ -103,7 +103,11 @@ class DefaultProfile:
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
             ]
         judgements += self._objects.update(
-            frame, estimate, self._odometry.scene(), doubted=self._why_objects_wait(unusable, seen)
+            frame,
+            estimate,
+            self._odometry.scene(),
+            doubted=self._why_objects_wait(unusable, seen),
+            half=self._odometry.half(),
         )
         self._last_ns = frame.stamp_ns
         pose = self._streams.odometry_pose(frame.stamp_ns)

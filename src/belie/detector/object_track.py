@@ -101,6 +101,9 @@ class ObjectTrack:
         self.history.append((stamp_ns, self.box_px))
 
     def _keep(self, which: npt.NDArray[np.bool_], ages: npt.NDArray[np.int64]) -> None:
+        self.ages = ages
+        if which.all():
+            return
         self.corners_px, self.places, self.ages = self.corners_px[which], self.places[which], ages[which]
         self.births, self.born_px = self.births[which], self.born_px[which]
         self.born_places = self.born_places[which]
@@ -109,6 +112,8 @@ class ObjectTrack:
         """Its box in the frame nearest to a stamp."""
         if not self.history:
             return self.box_px
+        if self.history[-1][0] <= stamp_ns:
+            return self.history[-1][1]
         return min(self.history, key=lambda entry: abs(entry[0] - stamp_ns))[1]
 
     @property
@@ -119,7 +124,7 @@ class ObjectTrack:
     @property
     def proven(self) -> int:
         """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
-        return int((self.ages >= _PROVEN).sum())
+        return int(np.count_nonzero(self.ages >= _PROVEN))
 
     @property
     def is_soft(self) -> bool:
@@ -128,25 +133,24 @@ class ObjectTrack:
 
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
-        own_then = self.box_at(stamp_ns)
-        correction = box_then_px - own_then
-        border = np.array([0.0, 0.0, size[0], size[1]])
-        cut = np.abs(box_then_px - border) < 2.0
-        beyond = (own_then - border) * np.array([-1.0, -1.0, 1.0, 1.0]) > 0.0
-        correction[cut & beyond] = 0.0
-        growth = np.tile(
-            (self.box_px[2:] - self.box_px[:2]) / np.maximum(own_then[2:] - own_then[:2], 1.0), 2
-        )
+        own, told, now = self.box_at(stamp_ns).tolist(), box_then_px.tolist(), self.box_px.tolist()
+        correction = []
+        for k, border in enumerate((0.0, 0.0, *size)):
+            is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
+            growth = (now[k % 2 + 2] - now[k % 2]) / max(own[k % 2 + 2] - own[k % 2], 1.0)
+            correction.append(0.0 if is_cut else growth * (told[k] - own[k]))
         # Corrections that come late add up before they are seen to work: half of each, as for well-followed objects.
         is_late = bool(self.history) and stamp_ns < self.history[-1][0]
         weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
         self._learn_speed(box_then_px, stamp_ns)
-        box = self.box_px + weight * correction * growth
-        if (box[2:] - box[:2] >= 2.0).all():
-            self.box_px = box
+        left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
+        if right - left >= 2.0 and bottom - top >= 2.0:
+            self.box_px = np.array([left, top, right, bottom])
             # Where the box goes on ahead of the pixels, those are not its own: expect it there next time.
-            drift = weight * 0.5 * (correction[:2] + correction[2:])
-            self.shift_px = self.shift_px + _LEAD * drift if self.detections > 1 else self.shift_px
+            if self.detections > 1:
+                lead = 0.5 * _LEAD * weight
+                drift = (lead * (correction[0] + correction[2]), lead * (correction[1] + correction[3]))
+                self.shift_px = self.shift_px + np.array(drift)
         self.last_seen_ns = max(self.last_seen_ns, stamp_ns)
         self.detections += 1
 
@@ -185,17 +189,18 @@ class ObjectTrack:
 
     def absence(self, size: tuple[int, int], settings: ObjectSettings) -> str:
         """Why its absence from a message may be fair; empty where its pixels say that it is there."""
-        side = float((self.box_px[2:] - self.box_px[:2]).max())
         if self.weight < settings.established:
             return "not yet established"
+        side = longer_side(self.box_px)
         if side < settings.least_side_px:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
         if self.corners_then < _LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
-        there = self.proven / self.corners_then
-        if there < settings.least_present or self.proven < _LEAST_CORNERS:
+        proven = self.proven
+        there = proven / self.corners_then
+        if there < settings.least_present or proven < _LEAST_CORNERS:
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
         if self.contrast < settings.least_contrast * self.contrast_then:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
@@ -211,7 +216,19 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     >>> places_in(np.array([0.0, 0.0, 10.0, 20.0]), np.array([[4.5, 4.5]]))
     array([[0.5 , 0.25]])
     """
-    return np.asarray((px + 0.5 - box_px[:2]) / np.maximum(box_px[2:] - box_px[:2], 1.0))
+    left, top, right, bottom = box_px.tolist()
+    size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
+    return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
+
+
+def longer_side(box_px: FloatArray) -> float:
+    """Of a box, px.
+
+    >>> longer_side(np.array([0.0, 0.0, 10.0, 20.0]))
+    20.0
+    """
+    left, top, right, bottom = box_px.tolist()
+    return float(max(right - left, bottom - top))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
@@ -220,6 +237,8 @@ def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
     >>> in_view(np.array([-5.0, 0.0, 5.0, 10.0]), (100, 100))
     0.5
     """
-    clipped = np.clip(box_px, 0.0, np.array([*size, *size], dtype=np.float64))
-    area = float(np.prod(box_px[2:] - box_px[:2]))
-    return float(np.prod(clipped[2:] - clipped[:2])) / area if area > 0.0 else 0.0
+    left, top, right, bottom = box_px.tolist()
+    width = min(max(right, 0.0), size[0]) - min(max(left, 0.0), size[0])
+    height = min(max(bottom, 0.0), size[1]) - min(max(top, 0.0), size[1])
+    area = (right - left) * (bottom - top)
+    return float(width * height / area) if area > 0.0 else 0.0

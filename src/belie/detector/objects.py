@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
-from belie.detector.association import assign, covered, overlaps
-from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.association import assign, covered, covered_by_others, overlaps
+from belie.detector.object_track import ObjectTrack, in_view, longer_side
 from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
 from belie.geometry import CameraModel, FloatArray
@@ -38,6 +39,7 @@ _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mis
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_FOOT = 0.05  # of the side: how much a detector errs about where an object stands
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -86,8 +88,10 @@ class ObjectStream:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
             return True
         known_ns = max(track.last_seen_ns, track.last_found_ns if track.hiding.accused else 0)
-        patience = _FORGET_NS if track.absence(size, self.settings) else 5 * _FORGET_NS
-        return stamp_ns - known_ns > max(patience, int(3e9 * self.interval_s))
+        silent_ns, usual_ns = stamp_ns - known_ns, int(3e9 * self.interval_s)
+        if silent_ns <= max(_FORGET_NS, usual_ns):
+            return False
+        return bool(track.absence(size, self.settings)) or silent_ns > max(5 * _FORGET_NS, usual_ns)
 
     def unheard(self) -> None:
         """No message was judged at this frame."""
@@ -119,14 +123,16 @@ class ObjectStream:
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         found = assign(then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told])
         self.crowd += 0.05 * (len(self.tracks) - self.crowd)
+        standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         for i, track in enumerate(self.tracks):
             if i not in found:
-                self._absent(track, claim.stamp_ns, boxes, current.size)
+                self._absent(track, claim.stamp_ns, boxes, standing, current.size)
+        owners, cover = {self.tracks[i].track_id: self.tracks[i] for i in found}, covered_by_others(boxes)
         for i, j in found.items():
-            others = [self.tracks[k] for k in found if k != i]
-            rest = np.delete(boxes, j, axis=0)
-            self._present(self.tracks[i], told[j][0], boxes[j], claim.stamp_ns, others, rest, current)
-        for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -_side(boxes[j])):
+            track, detection = self.tracks[i], told[j][0]
+            self._present(track, detection, boxes[j], claim.stamp_ns, owners.get(detection.track_id), current)
+            track.cover_then = float(cover[j])
+        for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
 
     def habits(self) -> dict[str, float]:
@@ -145,41 +151,53 @@ class ObjectStream:
         if box is None:
             self.unboxed += 1
             return None
-        border = np.array([self.camera.width, self.camera.height] * 2, dtype=np.float64)
-        clipped = np.clip(box, 0.0, border)
-        return clipped if (clipped[2:] - clipped[:2] >= 4.0).all() else None
+        left, top, right, bottom = box.tolist()
+        left, right = (min(max(x, 0.0), float(self.camera.width)) for x in (left, right))
+        top, bottom = (min(max(y, 0.0), float(self.camera.height)) for y in (top, bottom))
+        fits = right - left >= 4.0 and bottom - top >= 4.0
+        return np.array([left, top, right, bottom]) if fits else None
 
     def _threshold(self, check: str) -> float:
         rate = self.false_alarms_per_hour * _RATE_SHARE[check]
         return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
 
-    def _absent(self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, size: tuple[int, int]) -> None:
+    def _absent(
+        self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, standing: npt.NDArray[np.bool_],
+        size: tuple[int, int],
+    ) -> None:  # fmt: skip
         here = track.box_at(stamp_ns)
         cover = covered(here, boxes)
         merged = len(boxes) > 0 and float(overlaps(here[None], boxes).max()) > _MERGED
         fair = track.absence(size, self.settings)
         if not fair and cover > self.settings.most_covered and (merged or cover > track.cover_then + _NEWLY):
             fair = "covered by another detection"
+        if not fair and track.group in _STANDING:
+            # Of two that stand on the ground, the nearer one's foot is further below.
+            nearer = boxes[standing & (boxes[:, 3] > here[3] + _FOOT * longer_side(here))]
+            if covered(here, nearer) > self.settings.most_covered:
+                fair = "behind a nearer detection"
         if fair:
             track.hiding.excuse()
         else:
-            track.hiding.wrong(self.interval_s, self._threshold("hiding"), stamp_ns, _side(track.box_px))
+            track.hiding.wrong(
+                self.interval_s, self._threshold("hiding"), stamp_ns, longer_side(track.box_px)
+            )
 
     def _present(
-        self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, others: list[ObjectTrack],
-        others_px: FloatArray, current: ImageStack,
+        self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
+        current: ImageStack,
     ) -> None:  # fmt: skip
         s = self.settings
         known = track.weight >= s.established
         fair = track.absence(current.size, s)
         soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
         group = s.classes.of(detection.label)
-        another = next((o for o in others if detection.track_id and o.track_id == detection.track_id), None)
-        swapped = known and another is not None and _apart(track.box_px, another.box_px)
+        is_anothers = bool(detection.track_id) and owner is not None and owner is not track
+        swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
         weight = _weight(detection.score)
-        vote = weight * min(1.0, 0.5 * _side(box) / _HALF_SIGHT_PX)
+        vote = weight * min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
-        track.hiding.right(self.interval_s, _side(track.box_px))
+        track.hiding.right(self.interval_s, longer_side(track.box_px))
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
@@ -206,7 +224,6 @@ class ObjectStream:
         track.renew(current, s, self.scene.frame)
         if track.is_soft and not track.naming.errors:
             track.likeness.learn(current, track.box_px)
-        track.cover_then = covered(box, others_px)
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""
@@ -243,7 +260,7 @@ class ObjectStream:
         weight = _weight(detection.score)
         track.weight = weight
         track.votes[self.settings.classes.of(detection.label)] = weight * min(
-            1.0, 0.5 * _side(box) / _HALF_SIGHT_PX
+            1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX
         )
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
@@ -406,11 +423,13 @@ class ObjectStage:
         scene: Scene | None = None,
         *,
         doubted: str = "",
+        half: GrayImage | None = None,
     ) -> list[Judgement]:
         """Follow all objects into a frame and judge what was told of them.
 
         `estimate` and `scene`: the camera's own motion since the previous frame and the depths of its corners, where
-        they are known. `doubted`: why the image is not fit to judge by; objects stay where they were.
+        they are known. `doubted`: why the image is not fit to judge by; objects stay where they were. `half`: the image
+        at half its size, if it is there already.
         """
         if not self.streams:
             return []
@@ -418,7 +437,7 @@ class ObjectStage:
             for stream in self.streams.values():
                 stream.unheard()
             return [j for stream in self.streams.values() for j in stream.withhold(f"not judged: {doubted}")]
-        current = ImageStack(_as_gray(frame.image))
+        current = ImageStack(_as_gray(frame.image), half)
         self._scene.move(estimate, scene)
         half_ns = (frame.stamp_ns - self._previous_ns) // 2 if self._previous is not None else 0
         judgements: list[Judgement] = []
@@ -439,13 +458,9 @@ def _weight(score: float) -> float:
     return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
 
 
-def _side(box: FloatArray) -> float:
-    return float((box[2:] - box[:2]).max())
-
-
 def _apart(a: FloatArray, b: FloatArray) -> bool:
     gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
-    return gap > _APART * (_side(a) + _side(b))
+    return gap > _APART * (longer_side(a) + longer_side(b))
 
 
 def _where(box: FloatArray) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -27,7 +28,7 @@ _SPACING_PX = 5.0
 
 
 class ImageStack:
-    """An image and its halves, made when first asked for.
+    """An image and its halves, made when first asked for; `half`: the first, where somebody has made it already.
 
     Examples
     --------
@@ -36,8 +37,10 @@ class ImageStack:
     (20, 30)
     """
 
-    def __init__(self, image: GrayImage) -> None:
+    def __init__(self, image: GrayImage, half: GrayImage | None = None) -> None:
         self._levels = [image]
+        if half is not None and half.shape == (image.shape[0] // 2, image.shape[1] // 2):
+            self._levels.append(half)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -70,13 +73,19 @@ class Window:
 
     def to_window(self, px: FloatArray) -> FloatArray:
         """Image pixels to window pixels; pixel centres at integers in both."""
-        half = np.array([self.shape[1], self.shape[0]]) * 0.5
-        return np.asarray((px + 0.5 - self.centre_px) * self.scale + half - 0.5)
+        return np.asarray(px * self.scale + self._origin())
 
     def to_image(self, px: FloatArray) -> FloatArray:
         """Window pixels to image pixels."""
-        half = np.array([self.shape[1], self.shape[0]]) * 0.5
-        return np.asarray((px + 0.5 - half) / self.scale + self.centre_px - 0.5)
+        return np.asarray((px - self._origin()) / self.scale)
+
+    def _origin(self) -> FloatArray:
+        """Where image pixel (0, 0) lies in the window."""
+        x, y = self.centre_px.tolist()
+        height, width = self.shape
+        return np.array(
+            [(0.5 - x) * self.scale + 0.5 * width - 0.5, (0.5 - y) * self.scale + 0.5 * height - 0.5]
+        )
 
     def cut(self, stack: ImageStack) -> GrayImage:
         """The window's picture; beyond the image its border goes on."""
@@ -84,13 +93,12 @@ class Window:
         while 0.5 ** (k + 1) >= self.scale and min(stack.level(k).shape) > 16:
             k += 1
         picture = stack.level(k)
-        a = picture.shape[1] / stack.size[0], picture.shape[0] / stack.size[1]
-        m = np.empty((2, 3))
-        for axis in (0, 1):
-            half = 0.5 * self.shape[1 - axis]
-            m[axis] = 0.0
-            m[axis, axis] = a[axis] / self.scale
-            m[axis, 2] = ((0.5 - half) / self.scale + self.centre_px[axis]) * a[axis] - 0.5
+        a, b = picture.shape[1] / stack.size[0], picture.shape[0] / stack.size[1]
+        x, y = self.centre_px.tolist()
+        height, width = self.shape
+        left = ((0.5 - 0.5 * width) / self.scale + x) * a - 0.5
+        top = ((0.5 - 0.5 * height) / self.scale + y) * b - 0.5
+        m = np.array([[a / self.scale, 0.0, left], [0.0, b / self.scale, top]])
         return np.asarray(
             cv2.warpAffine(
                 picture, m, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -105,10 +113,16 @@ def window_of(box_px: FloatArray) -> Window:
     >>> window_of(np.array([100.0, 100.0, 228.0, 228.0])).scale
     0.5
     """
-    w, h = np.maximum(box_px[2:] - box_px[:2], 1.0)
+    left, top, right, bottom = box_px.tolist()
+    w, h = max(right - left, 1.0), max(bottom - top, 1.0)
     scale = min(SIDE_PX / math.sqrt(w * h), _MOST_ENLARGED, _LONGEST_PX / max(w, h))
     shape = (round(h * scale + 2 * _MARGIN_PX), round(w * scale + 2 * _MARGIN_PX))
-    return Window(0.5 * (box_px[:2] + box_px[2:]), float(scale), shape)
+    return Window(np.array([0.5 * (left + right), 0.5 * (top + bottom)]), scale, shape)
+
+
+@cache
+def _fast(threshold: int) -> cv2.FastFeatureDetector:
+    return cv2.FastFeatureDetector.create(threshold, True)
 
 
 def local_corners(
@@ -135,9 +149,7 @@ def local_corners(
         return np.empty((0, 2))
     px = np.empty((0, 2), np.float32)
     for threshold in _FAST_THRESHOLDS:
-        found = cv2.FastFeatureDetector.create(threshold, True).detect(
-            picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3]
-        )
+        found = _fast(threshold).detect(picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3])
         if found:
             px = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2)
             px += np.array([x0 - 3, y0 - 3], np.float32)

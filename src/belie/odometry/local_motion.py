@@ -7,6 +7,7 @@ motion. What does not agree (the background in the box's edges, another object) 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +41,8 @@ class View:
     def fits(self, box_px: FloatArray) -> bool:
         """Whether a box still lies about where and as large as the window was made for."""
         window = window_of(box_px)
-        off = np.abs(window.centre_px - self.window.centre_px).max() * self.window.scale
+        (x, y), (u, v) = window.centre_px.tolist(), self.window.centre_px.tolist()
+        off = max(abs(x - u), abs(y - v)) * self.window.scale
         return bool(off < _OFF_PX and 0.8 < window.scale / self.window.scale < 1.25)
 
 
@@ -67,8 +69,8 @@ class LocalMotion:
 
 
 @compiled()
-def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, float, float, Any]:
-    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on, and which do."""
+def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, float, float, Any, float]:
+    """Scale times (cos, sin) and shift of ``b = z a + t`` that most pairs agree on; which do; their squared error."""
     n = a.shape[0]
     best = -1
     bc, bs, bx, by = 1.0, 0.0, 0.0, 0.0
@@ -134,7 +136,15 @@ def _fit_similarity(a: Any, b: Any, tolerance: float) -> tuple[float, float, flo
         if power > 25.0 * count:
             bc, bs = cross / power, turn / power
         bx, by = ux - bc * ax + bs * ay, uy - bs * ax - bc * ay
-    return bc, bs, bx, by, agree
+    error = 0.0
+    count = 0
+    for k in range(n):
+        if agree[k]:
+            rx = bc * a[k, 0] - bs * a[k, 1] + bx - b[k, 0]
+            ry = bs * a[k, 0] + bc * a[k, 1] + by - b[k, 1]
+            error += rx * rx + ry * ry
+            count += 1
+    return bc, bs, bx, by, agree, error / max(count, 1)
 
 
 def moved_box(box_px: FloatArray, growth: float, shift_px: FloatArray) -> FloatArray:
@@ -143,9 +153,11 @@ def moved_box(box_px: FloatArray, growth: float, shift_px: FloatArray) -> FloatA
     >>> moved_box(np.array([0.0, 0.0, 10.0, 10.0]), 2.0, np.array([1.0, 0.0]))
     array([-4., -5., 16., 15.])
     """
-    middle = 0.5 * (box_px[:2] + box_px[2:])
-    half = 0.5 * growth * (box_px[2:] - box_px[:2])
-    return np.concatenate([middle + shift_px - half, middle + shift_px + half])
+    left, top, right, bottom = box_px.tolist()
+    x, y = (float(s) for s in shift_px)
+    x, y = x + 0.5 * (left + right), y + 0.5 * (top + bottom)
+    w, h = 0.5 * growth * (right - left), 0.5 * growth * (bottom - top)
+    return np.array([x - w, y - h, x + w, y + h])
 
 
 def contrast_of(picture: GrayImage) -> float:
@@ -201,18 +213,15 @@ def follow_object(
     new_growth, new_shift = growth, np.asarray(shift_px, dtype=np.float64)
     box = predicted_box
     if verified.any():
-        c, s, tx, ty, agree = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
+        c, s, tx, ty, agree, squared = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
         agreeing[verified] = agree
-        if int(agree.sum()) >= _LEAST_AGREEING:
+        if np.count_nonzero(agree) >= _LEAST_AGREEING:
             middle = 0.5 * (box_px[:2] + box_px[2:])
             x, y = before.to_window(middle - 0.5)
             new_middle = after.to_image(np.array([c * x - s * y + tx, s * x + c * y + ty])) + 0.5
-            new_growth, new_shift = growth * float(np.hypot(c, s)), new_middle - middle
+            new_growth, new_shift = growth * math.hypot(c, s), new_middle - middle
             box = moved_box(box_px, new_growth, new_shift)
-            model = np.column_stack(
-                [c * start[:, 0] - s * start[:, 1] + tx, s * start[:, 0] + c * start[:, 1] + ty]
-            )
-            error = float(np.mean(((model - found)[agreeing] ** 2).sum(axis=1))) / after.scale**2
+            error = squared / after.scale**2
     return LocalMotion(
         predicted_box_px=predicted_box,
         box_px=box,

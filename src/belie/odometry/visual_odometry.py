@@ -163,6 +163,10 @@ class VisualOdometry:
         xy = self._camera.normalize(self._corners.px[known])
         return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
 
+    def half(self) -> GrayImage | None:
+        """The latest image at half its size, where that is what was looked at."""
+        return self._pyramid[0] if self._shrink == 2 and self._pyramid else None
+
     # -- stages ------------------------------------------------------------------------------------
 
     def _working_image(self, image: GrayImage) -> GrayImage:

@@ -73,6 +73,11 @@ class Habit:
             counts.begun += weight * seen.begun
             counts.lasted += weight * seen.lasted
 
+    def learn_right(self, own: Counts) -> None:
+        """One message without error, that no doubt preceded."""
+        self.stream.right += 1.0
+        own.right += 1.0
+
     def wrong(self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3) -> float:
         """Log-likelihood ratio, nats, of an attack by a message in error, after one in error or a right one.
 
@@ -162,6 +167,9 @@ class ErrorTest:
 
     def right(self, interval_s: float, side_px: float = 1e3) -> None:
         """A message without error."""
+        if self.errors == 0:
+            self.habit.learn_right(self.own)
+            return
         self.statistic += self.habit.right(self.own, self.length > 0, interval_s, side_px)
         self.length = 0
         self._seen.right += 1.0
