@@ -86,6 +86,10 @@ class Remembered:
         """No corners with depths: only the object checks ask, and these recordings hold no detections."""
         return np.empty((0, 2)), np.empty(0), np.empty(0)
 
+    def half(self) -> None:
+        """No image is kept."""
+        return
+
 
 @dataclass
 class HonestRun:

@@ -107,7 +107,7 @@ class DefaultProfile:
             estimate,
             self._odometry.scene(),
             doubted=self._why_objects_wait(unusable, seen),
-            half=self._odometry.half(),
+            half=None if estimate is None else self._odometry.half(),
         )
         self._last_ns = frame.stamp_ns
         pose = self._streams.odometry_pose(frame.stamp_ns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from belie.geometry import FloatArray
-from belie.types import Frame, VisualEstimate
+from belie.types import Frame, GrayImage, VisualEstimate
 
 
 class Eyes(Protocol):
@@ -17,4 +17,8 @@ class Eyes(Protocol):
 
     def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Corners of the latest image with known depth: undistorted (N, 2), 1/Z (N,) and its deviation (N,)."""
+        ...
+
+    def half(self) -> GrayImage | None:
+        """The image of the last `update` at half its size, where it was made for it."""
         ...

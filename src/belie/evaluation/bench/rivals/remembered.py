@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from belie.detector.eyes import Eyes
 from belie.geometry import FloatArray
-from belie.types import Frame, VisualEstimate
+from belie.types import Frame, GrayImage, VisualEstimate
 
 Scene = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -45,6 +45,10 @@ class LookingEyes:
         """Corners of the latest image with known depth."""
         return self.sights[-1].scene if self.sights else self.eyes.scene()
 
+    def half(self) -> GrayImage | None:
+        """The image at half its size."""
+        return self.eyes.half()
+
 
 @dataclass(slots=True)
 class RememberingEyes:
@@ -73,3 +77,7 @@ class RememberingEyes:
     def scene(self) -> Scene:
         """Corners of that image with known depth."""
         return self.sights[self._next - 1].scene if self._next else self.eyes.scene()
+
+    def half(self) -> GrayImage | None:
+        """None: images are not kept twice; who needs the half makes it."""
+        return None
