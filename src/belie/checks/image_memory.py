@@ -170,8 +170,11 @@ def _times(matrix: Any, vector: Any) -> Any:
 def _nearest(sketches: Any, sketch: Any, stamps_ns: Any, oldest_ns: int, first: int, last: int) -> Any:
     """The numbers in first..last of the nearest sketches, nearest first; -1 where there are too few."""
     capacity, columns = sketches.shape
-    numbers = np.full(_VERIFIED, -1, dtype=np.int64)
-    distances2 = np.full(_VERIFIED, np.float32(np.inf))
+    numbers = np.empty(_VERIFIED, dtype=np.int64)
+    distances2 = np.empty(_VERIFIED, dtype=np.float32)
+    for k in range(_VERIFIED):
+        numbers[k] = -1
+        distances2[k] = np.inf
     for number in range(first, last + 1):
         slot = number % capacity
         if stamps_ns[slot] < oldest_ns:

@@ -65,13 +65,13 @@ def image_signature(image: GrayImage) -> ImageSignature:
     whole = len(flat) // 8 * 8
     digest = _digest(flat[:whole].view(np.uint64), flat[whole:], sample.shape[1])
     cells = _cell_means(sample, _ROWS, _COLUMNS)
-    mean_gray, spread_gray = _mean_and_spread(cells)
+    pattern, mean_gray = _pattern_and_mean(cells)
     return ImageSignature(
         digest=int(digest),
         cells=cells,
-        pattern=_pattern(cells),
+        pattern=pattern,
         mean_gray=mean_gray,
-        spread_gray=spread_gray,
+        spread_gray=_spread(cells),
     )
 
 
@@ -84,7 +84,9 @@ def change_gray(a: ImageSignature, b: ImageSignature) -> float:
     >>> change_gray(image_signature(wall), image_signature(wall + 20))
     0.0
     """
-    return float(_change(a.cells.ravel(), b.cells.ravel()))
+    difference = a.cells.ravel() - b.cells.ravel()
+    middle = _at(difference, difference.size // 2)
+    return float(_at(np.abs(difference - middle), int(_CHANGED_SHARE * difference.size)))
 
 
 def pattern_distance(a: FloatCells, b: FloatCells) -> float:
@@ -148,27 +150,40 @@ def _cell_means(sample: Any, rows: int, columns: int) -> Any:
 
 
 @compiled()
-def _pattern(cells: Any) -> Any:
+def _pattern_and_mean(cells: Any) -> tuple[Any, float]:
+    # Sums are written out: `mean` and slices compile for a second.
     rows, columns = cells.shape
     pattern = np.empty(rows * columns, dtype=np.float32)
+    whole = np.float32(0.0)
+    rest = np.float32(0.0)
     for i in range(rows):
         for j in range(columns):
-            around = cells[max(0, i - _REACH) : i + _REACH + 1, max(0, j - _REACH) : j + _REACH + 1]
-            pattern[i * columns + j] = cells[i, j] - around.mean()
-    pattern -= pattern.mean()
-    length = np.sqrt((pattern * pattern).sum())
-    return pattern / np.float32(max(length, 1e-3))
+            whole += cells[i, j]
+            around = np.float32(0.0)
+            count = 0
+            for y in range(max(0, i - _REACH), min(rows, i + _REACH + 1)):
+                for x in range(max(0, j - _REACH), min(columns, j + _REACH + 1)):
+                    around += cells[y, x]
+                    count += 1
+            value = cells[i, j] - np.float32(around / count)
+            pattern[i * columns + j] = value
+            rest += value
+    rest = np.float32(rest / pattern.size)
+    power = np.float32(0.0)
+    for k in range(pattern.size):
+        pattern[k] -= rest
+        power += pattern[k] * pattern[k]
+    length = np.float32(max(np.sqrt(power), 1e-3))
+    for k in range(pattern.size):
+        pattern[k] /= length
+    return pattern, float(np.float32(whole / pattern.size))
 
 
-@compiled()
-def _mean_and_spread(cells: Any) -> Any:
-    ordered = np.sort(cells.ravel())
-    low, high = int(0.15 * ordered.size), int(0.85 * ordered.size)
-    return float(cells.mean()), 0.5 * float(ordered[high] - ordered[low])
+def _spread(cells: FloatCells) -> float:
+    values = cells.ravel()
+    return 0.5 * float(_at(values, int(0.85 * values.size)) - _at(values, int(0.15 * values.size)))
 
 
-@compiled()
-def _change(a: Any, b: Any) -> Any:
-    difference = a - b
-    middle = np.sort(difference)[difference.size // 2]
-    return np.sort(np.abs(difference - middle))[int(_CHANGED_SHARE * difference.size)]
+def _at(values: FloatCells, place: int) -> np.float32:
+    """The value at a place of their order."""
+    return np.float32(np.partition(values, place)[place])

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from belie.odometry.corner_selection import contrast_quantile, corner_scores, spread_evenly
-from belie.types import Features, GrayImage, Settings
+from belie.types import Features, GrayImage, Settings, read_only
 
 _BORDER_PX = 3  # FAST's ring: tiles overlap by it, so that no corner falls between two
 _STRIDE_PX = 8  # of the contrast samples: 1/64 of the pixels tell a quantile well enough
@@ -83,15 +83,14 @@ def image_pyramid(image: GrayImage, settings: FeatureSettings) -> tuple[GrayImag
     [(90, 150), (60, 100), (40, 67)]
     """
     height, width = image.shape
-    levels = [image]
+    levels = [read_only(image)]
     for level in range(1, settings.levels):
         scale = settings.scale_factor**level
         size = (round(width / scale), round(height / scale))
         if min(size) < 4 * _BORDER_PX:
             break
-        levels.append(
-            np.asarray(cv2.resize(levels[-1], size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
-        )
+        smaller = cv2.resize(levels[-1], size, interpolation=cv2.INTER_LINEAR)
+        levels.append(read_only(np.asarray(smaller, dtype=np.uint8)))
     return tuple(levels)
 
 

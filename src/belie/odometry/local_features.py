@@ -16,7 +16,7 @@ import numpy as np
 
 from belie.geometry import FloatArray
 from belie.odometry.corner_selection import corner_scores, spread_evenly
-from belie.types import GrayImage
+from belie.types import GrayImage, read_only
 
 SIDE_PX = 64.0  # of an object in its window (root of the area)
 _MARGIN_PX = 26.0  # around it: half a patch, and how far a corner may stray from its prediction
@@ -99,12 +99,11 @@ class Window:
         left = ((0.5 - 0.5 * width) / self.scale + x) * a - 0.5
         top = ((0.5 - 0.5 * height) / self.scale + y) * b - 0.5
         m = np.array([[a / self.scale, 0.0, left], [0.0, b / self.scale, top]])
-        return np.asarray(
-            cv2.warpAffine(
-                picture, m, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
+        window = cv2.warpAffine(
+            picture, m, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
+        return read_only(np.asarray(window, dtype=np.uint8))
 
 
 def window_of(box_px: FloatArray) -> Window:

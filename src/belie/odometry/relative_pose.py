@@ -242,8 +242,10 @@ def _levenberg_marquardt(
         length = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
         moved = 0.0
         for _ in range(_INNER_ITERATIONS):
-            A[:] = H
-            step[:] = g
+            for a in range(6):  # `A[:] = H` would compile the text of its error too: 3 s
+                step[a] = g[a]
+                for b in range(6):
+                    A[a, b] = H[a, b]
             if fix_length:  # a heavy prior along t keeps its length
                 heavy = 0.0
                 for a in range(6):
@@ -273,10 +275,12 @@ def _levenberg_marquardt(
             )
             if new_cost < cost:
                 gain = (cost - new_cost) / (cost + 1e-12)
-                R[:] = R_new
-                t[:] = t_new
-                H[:] = A
-                g[:] = step
+                for a in range(3):
+                    t[a] = t_new[a]
+                    for b in range(3):
+                        R[a, b] = R_new[a, b]
+                H, A = A, H
+                g, step = step, g
                 cost = new_cost
                 moved += size
                 damping = max(damping * 0.1, 1e-9)

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import compiled
-from belie.types import GrayImage, Settings
+from belie.types import GrayImage, Settings, read_only
 
 Pyramid = tuple[GrayImage, ...]
 _SIDE = 16  # of a patch, px; a constant and a power of two, so that the loops become vector code
@@ -50,9 +50,9 @@ def build_pyramid(image: GrayImage, levels: int) -> Pyramid:
     >>> [level.shape for level in build_pyramid(np.zeros((100, 160), np.uint8), 4)]
     [(100, 160), (50, 80), (25, 40)]
     """
-    pyramid = [image]
+    pyramid = [read_only(image)]
     while len(pyramid) < levels and min(pyramid[-1].shape) >= 48:
-        pyramid.append(np.asarray(cv2.pyrDown(pyramid[-1]), dtype=np.uint8))
+        pyramid.append(read_only(np.asarray(cv2.pyrDown(pyramid[-1]), dtype=np.uint8)))
     return tuple(pyramid)
 
 

@@ -1,6 +1,6 @@
 """The frozen values that travel between belie's layers, and the error tree."""
 
-from belie.types.arrays import frozen, frozen_as
+from belie.types.arrays import frozen, frozen_as, read_only
 from belie.types.claims import Claim, Detection, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 from belie.types.config import Settings
 from belie.types.errors import (
@@ -52,4 +52,5 @@ __all__ = [
     "VisualEstimate",
     "frozen",
     "frozen_as",
+    "read_only",
 ]

@@ -42,3 +42,17 @@ def frozen_as(
         raise ValueError(f"{name} holds NaN or infinity")
     array.setflags(write=False)
     return array
+
+
+def read_only(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """A view of an image that cannot be written; nothing is copied.
+
+    Frames are read-only, so every picture that is made of one is made so as well: numba compiles a kernel once more
+    for arrays that can be written, and that takes a second or two.
+
+    >>> read_only(np.zeros((2, 2), np.uint8)).flags.writeable
+    False
+    """
+    view = image.view()
+    view.setflags(write=False)
+    return view

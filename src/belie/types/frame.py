@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel
+from belie.types.arrays import read_only
 
 GrayImage = npt.NDArray[np.uint8]
 
@@ -43,9 +44,7 @@ class Frame:
             raise ValueError(
                 f"image must be (height, width) uint8, got {self.image.shape} {self.image.dtype}"
             )
-        view = self.image.view()
-        view.setflags(write=False)
-        object.__setattr__(self, "image", view)
+        object.__setattr__(self, "image", read_only(self.image))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
