@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from belie.checks.sequential import Evidence
 from belie.geometry import FloatArray
 
-_GATE = float(chi2.isf(0.01, 3))
+_GATE = float(chdtri(3, 0.01))
 _FEWEST = 3
 
 

@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from belie.checks.position_noise import PositionNoise
 from belie.checks.position_settings import PositionSettings
@@ -66,7 +66,7 @@ class Unaligned:
             self._interval_s = max((stamp_ns - self._last[0]) * 1e-9, 1e-3)
         hours = self._interval_s / 3600.0
         share = self._sequential.false_alarms_per_hour * hours / (len(_WINDOWS_S) * self._tests)
-        threshold = float(chi2.isf(share, 3))
+        threshold = float(chdtri(3, share))
         worst, since_ns, lengths = 0.0, stamp_ns, []
         for window_s in _WINDOWS_S:
             then = self._before(stamp_ns, window_s)
@@ -98,7 +98,7 @@ class Unaligned:
         """Smallest jump that one claim would show, m."""
         hours = self._interval_s / 3600.0
         share = self._sequential.false_alarms_per_hour * hours / (len(_WINDOWS_S) * self._tests)
-        return math.sqrt(float(chi2.isf(share, 3)) * self._variance(self._interval_s, 0.0, noise, unit_m))
+        return math.sqrt(float(chdtri(3, share)) * self._variance(self._interval_s, 0.0, noise, unit_m))
 
     def heading(self, noise: PositionNoise, unit_m: FloatArray) -> Heading:
         """The heading so far, with an error that allows for noise that is all slow."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from statistics import NormalDist
 
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float] | None:
@@ -35,4 +35,4 @@ def poisson_upper(count: int, confidence: float = 0.95) -> float:
     """
     if count < 0:
         raise ValueError(f"a count is not negative, got {count}")
-    return float(chi2.ppf(confidence, 2 * (count + 1)) / 2.0)
+    return float(chdtri(2 * (count + 1), 1.0 - confidence) / 2.0)
