@@ -82,3 +82,14 @@ def test_an_accusation_outlasts_one_message_and_ends_with_the_next():
     for still in (True, False):
         test.right(0.1)
         assert test.accused is still
+
+
+def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
+    test = fresh_test()
+    for k in range(12):
+        assert not test.wrong(0.1, 14.6, k, vouched=False)
+    assert test.is_open
+    for _ in range(4):
+        test.right(0.1)
+    assert not test.is_open
+    assert test.errors == 0

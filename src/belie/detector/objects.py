@@ -337,10 +337,16 @@ class ObjectStream:
         if accused:
             return accused
         worst = max(self.tracks, key=lambda track: track.naming.statistic, default=None)
+        status, reason = Status.CONSISTENT, f"{len(self.tracks)} objects keep their names"
+        if worst is not None and worst.naming.is_open:
+            status = Status.UNDECIDED
+            reason = (
+                f"{worst.label} {worst.name} is called {worst.called} in {_share(worst.naming)}: "
+                "its pixels do not tell whether it is the same object"
+            )
         return [Judgement(result=CheckResult(
-            check="misclassification", source=self.source, status=Status.CONSISTENT, threshold=threshold,
-            unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0,
-            reason=f"{len(self.tracks)} objects keep their names",
+            check="misclassification", source=self.source, status=status, threshold=threshold,
+            unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0, reason=reason,
             object=worst.name if worst and worst.naming.errors else None))]  # fmt: skip
 
     def _answer_injection(self) -> list[Judgement]:

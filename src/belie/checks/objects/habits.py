@@ -205,9 +205,13 @@ class ErrorTest:
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
         self.peak, self.threshold = max(self.peak, self.statistic), threshold
         self.accused = self.accused or (vouched and self.statistic >= threshold)
-        if self.accused:
-            self.statistic = min(self.statistic, threshold)  # so that it can end soon
+        self.statistic = min(self.statistic, threshold)  # so that it can end soon
         return self.accused
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is evidence enough to accuse, but nobody has vouched for the object."""
+        return not self.accused and self.statistic >= self.threshold
 
     def excuse(self) -> None:
         """The pixels cannot tell (any more): whatever was found ends without a verdict, and nothing is learned."""
