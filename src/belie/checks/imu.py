@@ -135,7 +135,9 @@ class ImuCheck:
             omega, omega
         )
         residual = so3_log(R.T @ R_prev_cur)
-        self.evidence = evidence = self.test.update(residual, H, noise, estimate.stamp_ns, interval_s)
+        self.evidence = evidence = self.test.update(
+            residual, H, noise, estimate.stamp_ns, interval_s, still=estimate.is_still
+        )
         floor = f"{math.degrees(float(self.test.floor().max()) / interval_s):.2g} deg/s"
         if evidence.contradicted:
             axis = _AXES[evidence.component]

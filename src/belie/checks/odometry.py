@@ -168,7 +168,9 @@ class OdometryCheck:
         tested = np.array([translates] * 3 + [True] * 3 + [translates and directed])
         along = np.zeros((1, 6))
         along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-        evidence = self.test.update(r, H, noise, estimate.stamp_ns, interval_s, tested, along)
+        evidence = self.test.update(
+            r, H, noise, estimate.stamp_ns, interval_s, tested, along, still=estimate.is_still
+        )
         self._accused = evidence.contradicted
         self.evidence = evidence
         if self._scale.log_m is not None:  # the scale's error is folded into the scale
@@ -180,12 +182,12 @@ class OdometryCheck:
         """Let the systematic errors wander; a turn leaves an error that the claim's filter corrects later."""
         exposure, keep, drive = np.full(_PARAMETERS, interval_s), np.ones(_PARAMETERS), np.zeros(_PARAMETERS)
         exposure[_SCALE] = 1.0
-        # What a frame errs in its length stays in the map with the corners that are new to it.
-        length2 = float(estimate.T_prev_cur.t @ estimate.T_prev_cur.t)
-        if length2 > 0.0:
-            along = estimate.T_prev_cur.R.T @ estimate.T_prev_cur.t / math.sqrt(length2)
-            error2 = float(along @ estimate.covariance[:3, :3] @ along) / length2
-            drive[_SCALE] = _RENEWED * min(error2, 1.0)
+        # What a frame errs in its length stays in the map with the corners that are new to it; where none moves on,
+        # none is.
+        t, C = estimate.T_prev_cur.R.T @ estimate.T_prev_cur.t, estimate.covariance[:3, :3]
+        length2 = float(t @ t)
+        if length2 > _DIRECTED**2 * float(np.trace(C)):
+            drive[_SCALE] = _RENEWED * float(t @ C @ t) / length2**2
         keep[_CORRECTION], drive[_CORRECTION] = rotation_correction(
             estimate.T_prev_cur.R,
             estimate.covariance[3:, 3:],

@@ -78,12 +78,15 @@ class ResidualTest:
         interval_s: float,
         tested: npt.NDArray[np.bool_] | None = None,
         directions: FloatArray | None = None,
+        *,
+        still: bool = False,
     ) -> Evidence:
         """Test the residual `r`, shape (m,), with ``r = H θ + noise``; see `SystematicErrors`.
 
         Components that are not `tested`, shape (components,), prove nothing, and nothing is learned of their noise.
         What is tested beyond the m components of the residual is what it has along `directions`, shape
-        (components - m, m).
+        (components - m, m). Where the robot stands `still`, all is quiet: what is known of its noise is not given up
+        for that.
         """
         self._interval_s = interval_s
         m = len(r)
@@ -105,7 +108,8 @@ class ResidualTest:
         else:
             self._learned_s += interval_s
             settled = np.diag(S) < _SETTLED * np.diag(noise)
-            self._scale.learn(innovation / np.sqrt(np.diag(S)), tested, settled)
+            if not still or self.missing_frames > 0:
+                self._scale.learn(innovation / np.sqrt(np.diag(S)), tested, settled)
             self.errors.learn(plain, scaled[:m, :m], H, self._bank.calm)
         return evidence
 

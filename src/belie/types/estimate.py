@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from belie.geometry import SE3, FloatArray
+from belie.geometry import SE3, FloatArray, so3_log
 from belie.types.arrays import frozen
 
 
@@ -60,3 +60,16 @@ class VisualEstimate:
         object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
         for name in ("predicted_px", "observed_px"):
             object.__setattr__(self, name, frozen(getattr(self, name), (-1, 2), name))
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the motion is no larger than three standard deviations of what it may be off by.
+
+        >>> VisualEstimate(stamp_ns=1, previous_stamp_ns=0, T_prev_cur=SE3.exp([0, 0, 1, 0, 0, 0]), corners=9,
+        ...     covariance=np.eye(6) * 1e-4, matches=9, inliers=9, parallax_px=5.0).is_still
+        False
+        """
+        variance = np.diag(self.covariance)
+        moved = float(self.T_prev_cur.t @ self.T_prev_cur.t) > 9.0 * float(variance[:3].sum())
+        omega = so3_log(self.T_prev_cur.R)
+        return not moved and float(omega @ omega) <= 9.0 * float(variance[3:].sum())
