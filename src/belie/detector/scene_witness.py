@@ -43,6 +43,8 @@ class SceneWitness:
     _ground: InverseDepthPlane | None = None
     _grounds: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=15))  # the latest fits
     _ground_frame: int = 0
+    _parallax_px: float = 0.0  # of the scene, since it last told something new
+    _has_moved: bool = False
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
         """Take over the camera's motion to a new frame, and the depths of its corners there."""
@@ -66,6 +68,12 @@ class SceneWitness:
             self._map_id = estimate.map_id
             self._poses.append((self.frame - 1, SE3.identity()))
         self._poses.append((self.frame, self._poses[-1][1] @ estimate.T_prev_cur))
+        # The same picture seen twice is no second witness, neither of the ground nor of what stands on it.
+        self._parallax_px += self._parallax_of(estimate, scene)
+        self._has_moved = self._parallax_px >= _SIGMA_PX
+        if not self._has_moved:
+            return
+        self._parallax_px = 0.0
         seen = ground_plane(*scene)
         if seen is not None:
             self._grounds.append(seen.coefficients)
@@ -78,7 +86,12 @@ class SceneWitness:
 
         That the scene passes through the box, and that its corners lie on the ground or the wall.
         """
-        return self._passing(track), self._lying(track)
+        return (self._passing(track), self._lying(track)) if self._has_moved else (None, None)
+
+    def _parallax_of(self, estimate: VisualEstimate, scene: Scene) -> float:
+        rho = scene[1]
+        typical = float(np.median(np.abs(rho))) if len(rho) else 0.0
+        return float(np.linalg.norm(estimate.T_prev_cur.t)) * typical * self.camera.fx
 
     def _passing(self, track: ObjectTrack) -> float | None:
         """Whether the still scene passes through the box."""
