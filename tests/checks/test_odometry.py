@@ -150,3 +150,34 @@ def test_a_heading_jump_is_caught_at_any_rate(rate_hz):
     jumped = STEP @ SE3.exp([0, 0, 0, 0, 2.0, 0])
     stamps = {"stamp_ns": 300 * 10**9 // rate_hz, "previous_stamp_ns": 299 * 10**9 // rate_hz}
     assert check.update(estimate(300, rng=rng, **stamps), jumped).status is Status.CONTRADICTED
+
+
+@pytest.mark.parametrize("still", [50, 300])
+def test_a_stop_forgets_neither_scale_nor_noise(still):
+    """What creeps by a fraction of a millimetre in a standing picture says nothing of the map's unit."""
+    rng, check = np.random.default_rng(1), odometry()
+    stopped = np.diag([0.0014, 0.0014, 0.0014, 2e-5, 2e-5, 2e-5]) ** 2
+    answers = []
+    for i in range(1, 60 + still + 60):
+        if 60 <= i < 60 + still:
+            creep = SE3.exp(np.concatenate([rng.normal(0.0, 3e-4, 3), rng.normal(0.0, 1e-5, 3)]))
+            answers.append(check.update(estimate(i, creep, covariance=stopped), SE3.identity()))
+        else:
+            answers.append(check.update(estimate(i, rng=rng), STEP))
+        if i == 59 + still:
+            assert check.metres_per_unit == pytest.approx(4.0, rel=0.05)
+            assert min(check.noise_scales().values()) >= 1.0
+    assert Status.CONTRADICTED not in [answer.status for answer in answers]
+    assert answers[-1].status is Status.CONSISTENT
+
+
+def test_what_a_weak_picture_errs_by_in_rotation_is_no_lie():
+    """Thirty frames of yaw that are off together by what the camera itself says that it may be off by."""
+    rng, check = np.random.default_rng(2), odometry()
+    weak = np.diag([0.01, 0.01, 0.02, 1e-3, 1e-3, 1e-3]) ** 2
+    off = SE3.exp([0.0, 0.0, 0.0, 0.0, 1e-3, 0.0])
+    answers = []
+    for i in range(1, 90):
+        T = STEP @ off if i >= 60 else STEP
+        answers.append(check.update(estimate(i, T, rng=rng, covariance=weak), STEP).status)
+    assert Status.CONTRADICTED not in answers

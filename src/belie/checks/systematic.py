@@ -13,6 +13,7 @@ import numpy as np
 from belie.geometry import FloatArray, so3_log
 
 _TRUSTED_SIGMA = 1.5
+_SHORTEST_S = 0.01  # between two frames; closer ones tell nothing of a rate
 
 
 class SystematicErrors:
@@ -109,5 +110,5 @@ def rotation_correction(
     """
     share = float(np.exp(-interval_s / lasts_s))
     rate_rad_s = float(np.linalg.norm(so3_log(R_prev_cur))) / interval_s
-    stationary = (gain * rate_rad_s) ** 2 + np.diag(covariance) / interval_s**2
+    stationary = (gain * rate_rad_s) ** 2 + np.diag(covariance) / max(interval_s, _SHORTEST_S) ** 2
     return share, np.asarray((1.0 - share**2) * stationary)
