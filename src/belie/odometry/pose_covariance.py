@@ -58,12 +58,12 @@ class PoseCovariance:
     """
 
     def __init__(self, memory_frames: int) -> None:
-        self._share = 1.0 / memory_frames
-        self._excess: FloatArray | None = None
+        self._memory_frames = memory_frames
+        self.forget()
 
     def forget(self) -> None:
         """The scene is another one."""
-        self._excess = None
+        self._frames, self._excess = 0, np.full(2, _UNKNOWN_EXCESS)
 
     def update(
         self, previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
@@ -84,8 +84,10 @@ class PoseCovariance:
         among = np.diag(C @ (g.T @ g) @ C) * _CLUSTERS / (_CLUSTERS - 6)
         within = np.diag(C)
         excess = np.array([among[k].sum() / within[k].sum() for k in (_TRANSLATION, _ROTATION)])
-        old = np.full(2, _UNKNOWN_EXCESS) if self._excess is None else self._excess
-        self._excess = (1.0 - self._share) * old + self._share * excess
+        # A mean, at first with what was supposed before as one frame of it; then it forgets.
+        share = max(1.0 / self._memory_frames, 1.0 / (self._frames + 2.0))
+        self._excess = (1.0 - share) * self._excess + share * excess
+        self._frames += 1
         # Corners that happen to agree better than their noise allows are no better than their noise.
         spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3)
         return np.asarray(C * np.outer(spread, spread))
