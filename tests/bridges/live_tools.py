@@ -16,7 +16,7 @@ import numpy as np
 
 from belie.bridges.settings import LiveSettings, parse_live_settings
 from belie.bridges.wire import Offer, Received, now_ns
-from belie.geometry import SE3, CameraModel
+from belie.geometry import SE3, CameraModel, so3_exp
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
@@ -124,12 +124,10 @@ class Robot:
         message = messages.image(gray, stamp, "cam_optical_frame", "mono8")
         return bytes(STORE.serialize_cdr(message, ros.IMAGE))
 
-    def odometry(self, k: int, x_m: float | None = None) -> bytes:
+    def odometry(self, k: int, yaw_rad: float = 0.0) -> bytes:
         stamp = k * self.period_ns
         # The wall moves to the left: the robot drives to its right.
-        pose = (
-            SE3.from_translation([0.0, -0.18 * k, 0.0]) if x_m is None else SE3.from_translation([x_m, 0, 0])
-        )
+        pose = SE3(so3_exp(np.array([0.0, 0.0, yaw_rad])), np.array([0.0, -0.18 * k, 0.0]))
         claim = PoseClaim(source=ODOM, frame_id="odom", stamp_ns=stamp, received_ns=stamp, T_odom_body=pose)
         return bytes(STORE.serialize_cdr(messages.odometry(claim, None, "base_link"), ros.ODOMETRY))
 

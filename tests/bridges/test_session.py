@@ -246,7 +246,7 @@ def test_a_lie_raises_an_alert_on_the_latched_topic(transport, robot):
         assert wait_until(lambda: answered(session) == 60)
         assert not session.board.raised
         for k in range(60, 90):
-            transport.send(ODOM, robot.odometry(k, x_m=3.0 * (k - 60)))
+            transport.send(ODOM, robot.odometry(k, yaw_rad=0.1 * (k - 60)))
             transport.send(IMAGE, robot.image(k))
             time.sleep(0.005)
         assert wait_until(lambda: session.board.raised["odometry_spoofing"] == 1)

@@ -31,6 +31,7 @@ _DIRECTED = 5.0  # standard errors
 _RENEWED = (
     0.2  # share of a map's scale that a frame renews: near corners carry it, and pass by in some five frames
 )
+_SHORT_M = 0.1  # a step that may well go unseen: what a standing camera errs by is less
 _COMPONENTS = (
     "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
     "pitch (about camera x)", "yaw (about camera y)", "roll (about camera z)",
@@ -159,7 +160,11 @@ class OdometryCheck:
                 estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
             )
             return self._undecided(reason)
-        translates = estimate.reason is None and self._know_scale(estimate, T_prev_cur)
+        translates = (
+            estimate.reason is None
+            and self._know_scale(estimate, T_prev_cur)
+            and self._sees_translation(estimate, T_prev_cur)
+        )
         r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
         # A change of scale shows along the motion, which is seldom an axis of the camera.
         length = float(np.linalg.norm(estimate.T_prev_cur.t))
@@ -213,6 +218,12 @@ class OdometryCheck:
             self.test.errors.forget(_SCALE, 0.5)
         return True
 
+    def _sees_translation(self, estimate: VisualEstimate, T_prev_cur: SE3) -> bool:
+        """Whether the claimed step is more than what the images may be off by: else any claim would pass."""
+        metric = self.metres_per_unit or 1.0
+        spread_m = metric * math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
+        return spread_m < max(float(np.linalg.norm(T_prev_cur.t)), _SHORT_M)
+
     def _residual(
         self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, translates: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -261,7 +272,9 @@ class OdometryCheck:
         elif not translates:
             status = Status.UNDECIDED
             reason = (
-                estimate.reason or "no baseline: neither claim nor camera has moved; only rotation is checked"
+                estimate.reason
+                or "no baseline, or none that shows: nothing has moved, or all corners lie in one plane; only rotation "
+                "is checked"
             )
         else:
             status, reason = (

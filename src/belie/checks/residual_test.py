@@ -55,6 +55,7 @@ class ResidualTest:
         self.errors = errors
         self._scale = NoiseScale(components, noise)
         self._bank = CusumBank(components, sequential, tests)
+        self._jump_sigma = sequential.jump_sigma
         self._previous = np.zeros(components)
         self._learning_s, self._learned_s, self._interval_s = noise.learning_s, 0.0, 0.0
         self.sigma = np.full(components, np.inf)
@@ -100,6 +101,7 @@ class ResidualTest:
         x = np.nan_to_num(np.clip(x, -_ABSURD, _ABSURD), nan=_ABSURD)
         if tested is not None:
             x = np.where(tested, x, 0.0)
+        x = self._gross(x, plain, scaled[:m, :m], tested)
         white = (x - self._scale.correlation * self._previous) / np.sqrt(1.0 - self._scale.correlation**2)
         evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
         self._previous = np.clip(x, -_FORETELLS, _FORETELLS)
@@ -112,6 +114,28 @@ class ResidualTest:
                 self._scale.learn(innovation / np.sqrt(np.diag(S)), tested, settled)
             self.errors.learn(plain, scaled[:m, :m], H, self._bank.calm)
         return evidence
+
+    def _gross(
+        self, x: FloatArray, r: FloatArray, S: FloatArray, tested: npt.NDArray[np.bool_] | None
+    ) -> FloatArray:
+        """Where all components together are a jump, ``r' S^-1 r``, the largest of them counts for it.
+
+        Sideways motion and rotation may be hard to tell apart, and each by itself little known; what they do
+        together to an image is known to a fraction of a pixel.
+        """
+        known = np.ones(len(r), dtype=bool) if tested is None else tested[: len(r)]
+        if not known.any():
+            return x
+        part = np.where(known, r, 0.0)
+        distance2 = float(r[known] @ np.linalg.solve(S[np.ix_(known, known)], r[known]))
+        if not distance2 > self._jump_sigma**2:
+            return x
+        largest = int(np.argmax(np.abs(part) / np.sqrt(np.diag(S))))
+        x = x.copy()
+        x[largest] = math.copysign(
+            max(min(math.sqrt(distance2), _ABSURD), abs(float(x[largest]))), part[largest]
+        )
+        return x
 
     def scales(self) -> FloatArray:
         """How many times noisier than its model each component is, shape (components,)."""
