@@ -20,6 +20,7 @@ from belie.geometry import CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
+from belie.types import Status
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -202,6 +203,35 @@ def test_a_clock_jump_begins_the_watch_anew(transport, robot, jump_s):
         assert wait_until(lambda: answered(session) >= 24)
         assert ("", "clock jump") in fault_kinds(session)
         assert session.board.answer.verdict.frame < 20, "a new watch counts from 0"
+
+
+def test_a_stream_of_another_clock_is_left_out_and_the_watch_goes_on(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        for k in range(60):
+            transport.send(ODOM, robot.odometry(k + 4000))  # 200 s ahead of the images
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) == 60)
+        assert fault_kinds(session) == {(ODOM, "foreign clock")}
+        assert session.board.answer.verdict.frame == 59, "the watch was never begun anew"
+        assert wait_until(lambda: "foreign clock" in statuses(transport)["belie: input /odom"][1])
+
+
+def test_a_stream_that_mends_its_clock_is_taken_in_again(transport, robot, monkeypatch):
+    monkeypatch.setattr("belie.bridges.pipeline._TRY_STREAM_AGAIN_NS", 100_000_000)
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        for k in range(40):
+            transport.send(ODOM, robot.odometry(k + 4000))
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) == 40)
+        time.sleep(0.1)
+        robot.drive(transport, 40, 60)
+        assert wait_until(lambda: answered(session) == 100)
+        odometry = next(c for c in session.board.answer.verdict.checks if c.source == ODOM)
+        assert odometry.status is Status.CONSISTENT
 
 
 def test_a_changed_camera_begins_the_watch_anew(transport, robot):
