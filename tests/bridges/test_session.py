@@ -12,7 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 import psutil
 import pytest
-from live_tools import IMAGE, INFO, ODOM, quick_settings, wait_until
+from live_tools import IMAGE, INFO, ODOM, free_port, quick_settings, wait_until
 
 from belie.bridges.live import LiveSession
 from belie.bridges.wire import Offer
@@ -20,7 +20,7 @@ from belie.geometry import CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
-from belie.types import Status
+from belie.types import ConfigError, Status
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -190,6 +190,22 @@ def test_a_reload_begins_a_new_session_on_the_same_transport(transport, robot, t
             session.request("reload")
         assert not transport.handlers, "nobody listens for a session that is over"
         assert len(path.read_text().splitlines()) == 5 * (turn + 1)
+
+
+def test_sinks_that_were_open_before_one_failed_are_closed(transport, robot, tmp_path):
+    metrics = f"127.0.0.1:{free_port()}"
+    bad = quick_settings(
+        metrics=metrics, evidence={"folder": str(tmp_path)}, webhook={"url": "htp://a-typo.example"}
+    )
+    transport.offered = robot.offers()
+    with pytest.raises(ConfigError, match="webhook"):
+        LiveSession(transport, bad, on_event=lambda text: None).run()
+    names = {thread.name for thread in threading.enumerate()}
+    assert "belie-evidence" not in names
+    with running(transport, robot, quick_settings(metrics=metrics)) as session:  # the port is free again
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        assert wait_until(lambda: answered(session) == 5)
 
 
 @pytest.mark.parametrize("jump_s", [-100.0, 100.0])
