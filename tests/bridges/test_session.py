@@ -20,7 +20,7 @@ from belie.geometry import CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
-from belie.types import ConfigError, Status
+from belie.types import ConfigError, Status, TransportError
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -206,6 +206,26 @@ def test_sinks_that_were_open_before_one_failed_are_closed(transport, robot, tmp
         robot.introduce(transport)
         robot.drive(transport, 0, 5)
         assert wait_until(lambda: answered(session) == 5)
+
+
+def test_a_topic_that_cannot_be_subscribed_leaves_nothing_behind(transport, robot, monkeypatch):
+    metrics = f"127.0.0.1:{free_port()}"
+    transport.offered = robot.offers()
+    subscribe = transport.subscribe
+
+    def refuse_images(topic, *arguments, **options) -> None:
+        if topic == IMAGE:
+            raise TransportError("no such type support")
+        subscribe(topic, *arguments, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(transport, "subscribe", refuse_images)
+        with pytest.raises(TransportError, match="type support"):
+            LiveSession(transport, quick_settings(metrics=metrics), on_event=lambda text: None).run()
+    assert not transport.handlers
+    assert "belie-monitor" not in {thread.name for thread in threading.enumerate()}
+    with running(transport, robot, quick_settings(metrics=metrics)):
+        pass  # the port is free again
 
 
 @pytest.mark.parametrize("jump_s", [-100.0, 100.0])
