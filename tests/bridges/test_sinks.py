@@ -24,6 +24,7 @@ from belie.bridges.settings import (
 from belie.bridges.sinks.annotated import AnnotatedSink
 from belie.bridges.sinks.diagnostics import DiagnosticsSink, statuses_of
 from belie.bridges.sinks.evidence import EvidenceSink
+from belie.bridges.sinks.evidence_bag import EvidenceBag
 from belie.bridges.sinks.metrics import MetricsSink
 from belie.bridges.sinks.outlet import Outlet
 from belie.bridges.sinks.vda5050 import state_of
@@ -236,6 +237,32 @@ def test_evidence_keeps_its_quota_and_its_memory(robot, tmp_path):
     assert sum(sizes) < 3.0e6 * 1.1
     assert max(sizes) < 2.0e6 * 1.2
     assert any("quota" in event for event in events)
+
+
+def test_alerts_in_quick_succession_keep_a_bag_each(robot, tmp_path, monkeypatch):
+    began, may_go_on = threading.Event(), threading.Event()
+
+    class SlowBag(EvidenceBag):
+        def __init__(self, *arguments) -> None:
+            began.set()
+            may_go_on.wait(10.0)
+            super().__init__(*arguments)
+
+    monkeypatch.setattr("belie.bridges.sinks.evidence.EvidenceBag", SlowBag)
+    sink, board, _ = evidence(tmp_path, before_s=1.0, after_s=0.0)
+    sink.received(Received(topic=TF, message_type=ros.TRANSFORMS, data=robot.tf(), received_ns=now_ns()))
+    for turn in range(3):  # the first holds the disk up, so that the others lie in one batch
+        feed(sink, robot, 10 * turn, 5, now_ns())
+        sink.answer(answer(turn, alert=True))
+        time.sleep(0.005)
+        sink.tick(Board().picture(()))
+        assert began.wait(5.0)
+    may_go_on.set()
+    sink.close(5.0)
+    assert board.sink("evidence") == Counter(sent=3)
+    bags = sorted(tmp_path.glob("*.mcap"))
+    first = [next(iter(open_recording(bag).steps())).frame.stamp_ns // robot.period_ns for bag in bags]
+    assert first == [0, 10, 20]
 
 
 def test_evidence_on_a_disk_that_fails_is_a_fault_and_no_end(robot, tmp_path):

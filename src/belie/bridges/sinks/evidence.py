@@ -50,11 +50,10 @@ class EvidenceSink(SinkBase):
         self._lasting: dict[str, deque[Received]] = {}
         self._ring: deque[Received] = deque()
         self._ring_bytes = 0
-        self._queue: deque[Received | None] = deque()
+        self._queue: deque[Received | str | None] = deque()  # a bag's name, its messages, None where it ends
         self._queue_bytes = 0
         self._open_ns: int | None = None
         self._until_ns = 0
-        self._name = ""
         self._ready = threading.Condition()
         self._stopping = False
         clear_unfinished(self._folder)
@@ -100,7 +99,7 @@ class EvidenceSink(SinkBase):
             if self._open_ns is None:
                 self._open_ns = now
                 moment = datetime.fromtimestamp(now * 1e-9, tz=UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
-                self._name = f"{PREFIX}{moment}Z-{answer.verdict.alerts[0].type.value}"
+                self._queue.append(f"{PREFIX}{moment}Z-{answer.verdict.alerts[0].type.value}")
                 start_ns = self._ring[0].received_ns if self._ring else now
                 in_ring = set(map(id, self._ring))
                 for kept in self._lasting.values():
@@ -142,6 +141,7 @@ class EvidenceSink(SinkBase):
 
     def _run(self) -> None:
         bag: EvidenceBag | None = None
+        name = ""
         while True:
             with self._ready:
                 while not self._queue and not self._stopping:
@@ -151,10 +151,11 @@ class EvidenceSink(SinkBase):
                 batch = list(self._queue)
                 self._queue.clear()
                 self._queue_bytes = 0
-                name = self._name
             try:
                 for message in batch:
-                    if message is not None:
+                    if isinstance(message, str):
+                        name = message
+                    elif message is not None:
                         bag = bag or EvidenceBag(self._folder, name)
                         bag.write(message)
                     elif bag is not None:
