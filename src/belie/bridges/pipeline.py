@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,7 +24,6 @@ from belie.recordings.rig import ClaimReader, claim_reader
 from belie.types import CalibrationError, Claim, Frame, GrayImage, RecordingError, TopicError
 
 _TRY_READER_AGAIN_NS = 1_000_000_000
-_TRY_STREAM_AGAIN_NS = 10_000_000_000
 
 
 class WatchBroken(Exception):  # noqa: N818 (no error: the watch begins anew)
@@ -76,7 +76,7 @@ class Pipeline:
         self._topics = {topic.name: topic for topic in self._choice.claims}
         self._readers: dict[str, ClaimReader] = {}
         self._reader_failed_ns: dict[str, int] = {}
-        self._refused: dict[str, tuple[int, str]] = {}  # source: receive time of the refusal, and why
+        self._early: deque[Claim] = deque(maxlen=settings.intake.claims)  # before any frame tells the images' clock
         self._indices: dict[str, int] = {}
         self._last_frame: tuple[int, int] | None = None
 
@@ -132,6 +132,8 @@ class Pipeline:
             self._joiner.add_frame(DecodedFrame(frame=frame, index=index, decode_ms=decode_ms))
         except RecordingError as error:
             raise WatchBroken(f"clock jump: {error}") from error
+        while self._early:
+            self._add_claim(self._early.popleft())
 
     def _watch_clock(self, stamp_ns: int, received_ns: int) -> None:
         if self._last_frame is not None:
@@ -170,36 +172,27 @@ class Pipeline:
         return reader
 
     def _add_claim(self, claim: Claim) -> None:
-        if self._is_refused(claim):
+        if self._joiner.clock_ahead_ns is None:
+            self._early.append(claim)
+            return
+        offset_s = self._joiner.foreign_clock_s(claim)
+        if offset_s is not None:  # must neither reach the detector nor blind the checks of all other streams
+            self._board.fault(
+                claim.source,
+                "foreign clock",
+                f"stamps {offset_s:+.1f} s off those of the images received with them; let both use one clock",
+            )
             return
         jumps = self._counts.clock_jumps[claim.source]
         self._punctuality.claim(claim.source, stamp_ns=claim.stamp_ns, received_ns=claim.received_ns)
         try:
             self._joiner.add_claim(claim)
-        except RecordingError as error:  # one stream's clock must not blind the checks of all others
+        except RecordingError as error:
             self._joiner.drop_stream(claim.source)
-            self._refuse(claim, str(error))
+            self._board.fault(claim.source, "too many claims", str(error))
             return
         if self._counts.clock_jumps[claim.source] > jumps:
             self._board.fault(claim.source, "clock jump", "its stamps ran back by more than a second")
-
-    def _is_refused(self, claim: Claim) -> bool:
-        """Whether a claim's stream is refused still; every claim that is not filed is counted as a fault."""
-        if claim.source not in self._refused:
-            return False
-        since_ns, why = self._refused[claim.source]
-        if claim.received_ns - since_ns < _TRY_STREAM_AGAIN_NS:
-            self._board.fault(claim.source, "foreign clock", why)
-            return True
-        if self._joiner.foreign_clock_s(claim) is None:
-            del self._refused[claim.source]
-            return False
-        self._refuse(claim, why)
-        return True
-
-    def _refuse(self, claim: Claim, why: str) -> None:
-        self._refused[claim.source] = (claim.received_ns, why)
-        self._board.fault(claim.source, "foreign clock", why)
 
     def release(self, clock_ns: int) -> Iterator[Answer]:
         """The answers for the frames that need wait no longer at `clock_ns`."""
