@@ -274,3 +274,31 @@ def test_evidence_on_a_disk_that_fails_is_a_fault_and_no_end(robot, tmp_path):
     sink.tick(Board().picture(()))
     sink.close(2.0)
     assert any(fault.kind == "evidence not written" for fault in board.faults())
+
+
+def test_evidence_gives_a_bag_up_at_its_first_error_and_writes_the_next(robot, tmp_path, monkeypatch):
+    failing = threading.Event()
+    failing.set()
+    write = EvidenceBag.write
+
+    def fail(bag: EvidenceBag, message: Received) -> None:
+        if failing.is_set() and message.topic == IMAGE:
+            raise OSError("no space left on device")
+        write(bag, message)
+
+    monkeypatch.setattr(EvidenceBag, "write", fail)
+    sink, board, _ = evidence(tmp_path, before_s=1.0, after_s=0.05)
+    sink.answer(answer(0, alert=True))
+    for turn in range(4):  # batch after batch, all of the bag that failed
+        feed(sink, robot, turn, 1, now_ns())
+        assert wait_until(lambda: not sink._queue)
+    time.sleep(0.06)
+    sink.tick(Board().picture(()))
+    assert wait_until(lambda: not list(tmp_path.iterdir())), "no scratch folder stays"
+    assert board.sink("evidence") == Counter(failed=1)
+    failing.clear()
+    feed(sink, robot, 10, 5, now_ns())
+    sink.answer(answer(1, alert=True))
+    sink.close(5.0)
+    assert board.sink("evidence") == Counter(failed=1, sent=1)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".mcap"]

@@ -141,7 +141,6 @@ class EvidenceSink(SinkBase):
 
     def _run(self) -> None:
         bag: EvidenceBag | None = None
-        name = ""
         while True:
             with self._ready:
                 while not self._queue and not self._stopping:
@@ -151,26 +150,31 @@ class EvidenceSink(SinkBase):
                 batch = list(self._queue)
                 self._queue.clear()
                 self._queue_bytes = 0
-            try:
-                for message in batch:
-                    if isinstance(message, str):
-                        name = message
-                    elif message is not None:
-                        bag = bag or EvidenceBag(self._folder, name)
-                        bag.write(message)
-                    elif bag is not None:
-                        path = bag.close()
-                        bag = None
-                        self._counts["sent"] += 1
-                        removed = keep_quota(self._folder, self._settings.quota_mb * 1e6)
-                        gone = (
-                            f"; removed {', '.join(old.name for old in removed)} (quota)" if removed else ""
-                        )
-                        self._on_event(f"evidence: {path}{gone}")
-            except Exception as error:  # a full or missing disk must not end the watch
-                self._counts["failed"] += 1
-                self._board.fault("", "evidence not written", f"{type(error).__name__}: {error}")
-                bag = None
+            for entry in batch:
+                try:
+                    bag = self._write(bag, entry)
+                except Exception as error:  # a full or missing disk must not end the watch
+                    self._counts["failed"] += 1
+                    self._board.fault("", "evidence not written", f"{type(error).__name__}: {error}")
+                    if bag is not None:
+                        bag.abandon()
+                    bag = None
+
+    def _write(self, bag: EvidenceBag | None, entry: Received | str | None) -> EvidenceBag | None:
+        """Begin, continue or end a bag; without one (it failed), messages pass until the next begins."""
+        if isinstance(entry, str):
+            return EvidenceBag(self._folder, entry)
+        if bag is None:
+            return None
+        if entry is not None:
+            bag.write(entry)
+            return bag
+        path = bag.close()
+        self._counts["sent"] += 1
+        removed = keep_quota(self._folder, self._settings.quota_mb * 1e6)
+        gone = f"; removed {', '.join(old.name for old in removed)} (quota)" if removed else ""
+        self._on_event(f"evidence: {path}{gone}")
+        return None
 
 
 def _at(message: Received, received_ns: int) -> Received:
