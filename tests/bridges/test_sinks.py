@@ -113,6 +113,37 @@ def test_a_webhook_is_posted_again_until_it_is_taken():
     assert board.sink("webhook") == Counter(failed=2, sent=1)
 
 
+def test_a_webhook_that_redirects_is_a_failure_and_followed_nowhere(monkeypatch):
+    monkeypatch.setenv("BELIE_WEBHOOK_TOKEN", "secret")
+    asked: list[tuple[str, str]] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            asked.append(("POST", self.path))
+            self.send_response(302)
+            self.send_header("Location", f"http://localhost:{server.server_port}/elsewhere")
+            self.end_headers()
+
+        def do_GET(self) -> None:
+            asked.append(("GET", self.path))
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None: ...
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    board = Board()
+    sink = WebhookSink(WebhookSettings(url=f"http://127.0.0.1:{server.server_port}/hook"), RETRY, board)
+    sink.answer(answer(2, alert=True))
+    assert wait_until(lambda: board.sink("webhook")["failed"] >= 2)
+    sink.close(1.0)
+    server.shutdown()
+    assert set(asked) == {("POST", "/hook")}
+    assert board.sink("webhook")["sent"] == 0
+
+
 def test_a_webhook_wants_http():
     with pytest.raises(ConfigError, match="expected http"):
         WebhookSink(WebhookSettings(url="ftp://x"), RETRY, Board())
