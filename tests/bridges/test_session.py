@@ -20,7 +20,7 @@ from belie.geometry import CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
-from belie.types import ConfigError, Status, TransportError
+from belie.types import ConfigError, TransportError
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -265,7 +265,25 @@ def test_a_stream_that_mends_its_clock_is_taken_in_again(transport, robot):
         robot.drive(transport, 40, 60)
         assert wait_until(lambda: answered(session) == 100)
         odometry = next(c for c in session.board.answer.verdict.checks if c.source == ODOM)
-        assert odometry.status is Status.CONSISTENT
+        assert odometry.statistic != 0.0, "compared with the images again"
+        assert "no claim" not in odometry.reason
+        (fault,) = session.board.faults()
+        assert (fault.kind, fault.count) == ("foreign clock", 40), "counted as long as it lasted"
+
+
+def test_an_image_a_little_older_than_the_one_before_is_left_out(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 20)
+        assert wait_until(lambda: answered(session) == 20)
+        transport.send(IMAGE, robot.image(20, stamp_ns=19 * robot.period_ns - 1_000_000))
+        robot.drive(transport, 20, 10)
+        assert wait_until(lambda: answered(session) == 30)
+        (fault,) = session.board.faults()
+        assert (fault.topic, fault.kind, fault.count) == (IMAGE, "image out of order", 1)
+        assert session.board.answer.verdict.frame == 29, "the watch was never begun anew"
+        transport.send(IMAGE, robot.image(30, stamp_ns=29 * robot.period_ns - 1_000_000_000))
+        assert wait_until(lambda: ("", "clock jump") in fault_kinds(session))
 
 
 def test_a_changed_camera_begins_the_watch_anew(transport, robot):

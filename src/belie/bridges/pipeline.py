@@ -124,14 +124,21 @@ class Pipeline:
         stamp_ns = header_stamp_ns(message)
         self._watch_clock(stamp_ns, received.received_ns)
         frame = Frame(camera=self._camera, stamp_ns=stamp_ns, received_ns=received.received_ns, image=image)
-        self._punctuality.frame(
-            stamp_ns=stamp_ns, received_ns=received.received_ns, streams=list(self._joiner.streams)
-        )
         decode_ms = (time.perf_counter() - began) * 1e3
         try:
             self._joiner.add_frame(DecodedFrame(frame=frame, index=index, decode_ms=decode_ms))
         except RecordingError as error:
+            back_s = ((self._joiner.newest_frame_ns or 0) - stamp_ns) * 1e-9
+            if 0.0 < back_s < self._settings.join.clock_jump_s:
+                self._board.fault(
+                    received.topic, "image out of order", f"stamped {back_s:.4f} s before the newest one"
+                )
+                return
             raise WatchBroken(f"clock jump: {error}") from error
+        self._last_frame = (stamp_ns, received.received_ns)
+        self._punctuality.frame(
+            stamp_ns=stamp_ns, received_ns=received.received_ns, streams=list(self._joiner.streams)
+        )
         while self._early:
             self._add_claim(self._early.popleft())
 
@@ -141,7 +148,6 @@ class Pipeline:
             ahead_s = (step_ns - (received_ns - self._last_frame[1])) * 1e-9
             if ahead_s > self._settings.join.clock_jump_s and step_ns > 0:
                 raise WatchBroken(f"clock jump: image stamps ran {ahead_s:.1f} s ahead between two frames")
-        self._last_frame = (stamp_ns, received_ns)
 
     def _claims(self, received: Received, message: Any, index: int) -> tuple[Claim, ...]:
         topic = received.topic
