@@ -12,11 +12,11 @@ from contextlib import contextmanager
 import numpy as np
 import psutil
 import pytest
-from live_tools import IMAGE, INFO, ODOM, free_port, quick_settings, wait_until
+from live_tools import IMAGE, INFO, ODOM, TF, free_port, quick_settings, wait_until
 
 from belie.bridges.live import LiveSession
 from belie.bridges.wire import Offer
-from belie.geometry import CameraModel
+from belie.geometry import SE3, CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
@@ -284,6 +284,31 @@ def test_an_image_a_little_older_than_the_one_before_is_left_out(transport, robo
         assert session.board.answer.verdict.frame == 29, "the watch was never begun anew"
         transport.send(IMAGE, robot.image(30, stamp_ns=29 * robot.period_ns - 1_000_000_000))
         assert wait_until(lambda: ("", "clock jump") in fault_kinds(session))
+
+
+def test_odometry_that_speaks_late_is_judged_in_its_own_frame(transport, robot):
+    settings = quick_settings(intake={"settle_s": 0.05, "first_message_s": 0.2, "start_frames": 100})
+    mount = SE3([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0.0, 0.0, 1.0])
+    sits = [
+        ("base_link", "cam_optical_frame", mount),
+        ("base_link", "imu_link", SE3.from_translation([1.0, 0, 0])),
+    ]
+    with running(transport, robot, settings) as session:
+        transport.send(TF, bytes(STORE.serialize_cdr(messages.transforms(sits, 0), ros.TRANSFORMS)))
+        transport.send(INFO, robot.info(0))
+        transport.send(IMAGE, robot.image(0))
+        assert wait_until(lambda: session.board.watching)
+        for k in range(1, 21):
+            message = STORE.deserialize_cdr(robot.odometry(k), ros.ODOMETRY)
+            message.child_frame_id = "imu_link"
+            transport.send(ODOM, bytes(STORE.serialize_cdr(message, ros.ODOMETRY)))
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) >= 20)
+        assert fault_kinds(session) == {("", "odometry frame")}
+        (fault,) = session.board.faults()
+        assert fault.count == 1
+        assert "tells of imu_link, not of base_link" in fault.text
 
 
 def test_a_changed_camera_begins_the_watch_anew(transport, robot):

@@ -76,9 +76,16 @@ class Pipeline:
         self._topics = {topic.name: topic for topic in self._choice.claims}
         self._readers: dict[str, ClaimReader] = {}
         self._reader_failed_ns: dict[str, int] = {}
-        self._early: deque[Claim] = deque(maxlen=settings.intake.claims)  # before any frame tells the images' clock
+        self._early: deque[Claim] = deque(
+            maxlen=settings.intake.claims
+        )  # before any frame tells the images' clock
         self._indices: dict[str, int] = {}
         self._last_frame: tuple[int, int] | None = None
+
+    @property
+    def body(self) -> str:
+        """The frame that claims are about."""
+        return self._rig.body
 
     @property
     def waiting(self) -> int:
