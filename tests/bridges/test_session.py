@@ -14,8 +14,11 @@ import psutil
 import pytest
 from live_tools import IMAGE, INFO, ODOM, TF, free_port, quick_settings, wait_until
 
+from belie.bridges.board import Board
+from belie.bridges.introduction import Introduction
 from belie.bridges.live import LiveSession
-from belie.bridges.wire import Offer
+from belie.bridges.pipeline import Pipeline
+from belie.bridges.wire import Offer, Received
 from belie.geometry import SE3, CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
@@ -287,7 +290,9 @@ def test_an_image_a_little_older_than_the_one_before_is_left_out(transport, robo
 
 
 def test_odometry_that_speaks_late_is_judged_in_its_own_frame(transport, robot):
-    settings = quick_settings(intake={"settle_s": 0.05, "first_message_s": 0.2, "start_frames": 100})
+    settings = quick_settings(
+        intake={"settle_s": 0.05, "first_message_s": 0.2, "frames": 100, "start_frames": 100}
+    )
     mount = SE3([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0.0, 0.0, 1.0])
     sits = [
         ("base_link", "cam_optical_frame", mount),
@@ -309,6 +314,37 @@ def test_odometry_that_speaks_late_is_judged_in_its_own_frame(transport, robot):
         (fault,) = session.board.faults()
         assert fault.count == 1
         assert "tells of imu_link, not of base_link" in fault.text
+
+
+def test_claims_do_not_pile_up_while_the_camera_is_dead(robot):
+    settings = quick_settings()
+    image, info, odom = (
+        ros.Topic(name=offer.topic, message_type=offer.message_type, count=1) for offer in robot.offers()
+    )
+    choice = ros.Choice(
+        image=image, camera_info=info, odometry=odom, position=None, imu=None, detections=None
+    )
+    introduction = Introduction(choice, info_by_name=False)
+    introduction.frames.add_message(STORE.deserialize_cdr(robot.tf(), ros.TRANSFORMS))
+    introduction.hear_info(STORE.deserialize_cdr(robot.info(0), ros.CAMERA_INFO))
+    introduction.hear_image("cam_optical_frame", (320, 240))
+    pipeline = Pipeline(introduction, settings, Board())
+
+    def add(topic: str, kind: str, data: bytes, k: int) -> None:
+        received = Received(topic=topic, message_type=kind, data=data, received_ns=k * robot.period_ns)
+        pipeline.add(received, STORE.deserialize_cdr(data, kind))
+
+    for k in range(400):  # 20 s before the first image
+        add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
+    assert len(pipeline._early) <= 101
+    add(IMAGE, ros.IMAGE, robot.image(400), 400)
+    assert len(list(pipeline.release(410 * robot.period_ns))) == 1
+    for k in range(401, 1000):  # 30 s after the last
+        add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
+    waiting = pipeline._joiner.streams[ODOM].waiting
+    assert 90 <= len(waiting) <= 101, "five seconds at 20 Hz"
+    add(IMAGE, ros.IMAGE, robot.image(1000), 1000)
+    assert len(list(pipeline.release(1010 * robot.period_ns))) == 1
 
 
 def test_a_changed_camera_begins_the_watch_anew(transport, robot):

@@ -24,6 +24,8 @@ from belie.recordings.rig import ClaimReader, claim_reader
 from belie.types import CalibrationError, Claim, Frame, GrayImage, RecordingError, TopicError
 
 _TRY_READER_AGAIN_NS = 1_000_000_000
+# While no frame waits, claims older than this are of no use: across such a gap of the camera nothing is compared.
+_CLAIMS_KEPT_NS = 5_000_000_000
 
 
 class WatchBroken(Exception):  # noqa: N818 (no error: the watch begins anew)
@@ -187,6 +189,8 @@ class Pipeline:
     def _add_claim(self, claim: Claim) -> None:
         if self._joiner.clock_ahead_ns is None:
             self._early.append(claim)
+            while self._early[0].received_ns < claim.received_ns - _CLAIMS_KEPT_NS:
+                self._early.popleft()
             return
         offset_s = self._joiner.foreign_clock_s(claim)
         if offset_s is not None:  # must neither reach the detector nor blind the checks of all other streams
@@ -204,6 +208,8 @@ class Pipeline:
             self._joiner.drop_stream(claim.source)
             self._board.fault(claim.source, "too many claims", str(error))
             return
+        if not self._joiner.frames:  # a camera that died takes no claims away
+            self._joiner.forget(claim.source, claim.received_ns - _CLAIMS_KEPT_NS)
         if self._counts.clock_jumps[claim.source] > jumps:
             self._board.fault(claim.source, "clock jump", "its stamps ran back by more than a second")
 

@@ -139,6 +139,13 @@ class Joiner:
         if stream is not None:
             self.counts.dropped_late[source] += len(stream.waiting)
 
+    def forget(self, source: str, before_ns: int) -> None:
+        """Drop a stream's waiting claims that were received before a time, the oldest stamps first."""
+        waiting = self.streams[source].waiting
+        while waiting and waiting[0][2].received_ns < before_ns:
+            heapq.heappop(waiting)
+            self.counts.dropped_late[source] += 1
+
     def _require_common_clock(self, claim: Claim) -> None:
         """Refuse a stream that is stamped by another clock: nothing of it would ever meet its frame."""
         offset_s = self.foreign_clock_s(claim)

@@ -15,7 +15,6 @@ from belie.bridges.sinks.sink import Sink
 from belie.bridges.wire import Transport
 from belie.recordings import topics as ros
 
-
 _CLOSE_S = 0.5
 
 
