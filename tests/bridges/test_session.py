@@ -12,14 +12,18 @@ from contextlib import contextmanager
 import numpy as np
 import psutil
 import pytest
-from live_tools import IMAGE, INFO, ODOM, quick_settings, wait_until
+from live_tools import IMAGE, INFO, ODOM, TF, free_port, quick_settings, wait_until
 
+from belie.bridges.board import Board
+from belie.bridges.introduction import Introduction
 from belie.bridges.live import LiveSession
-from belie.bridges.wire import Offer
-from belie.geometry import CameraModel
+from belie.bridges.pipeline import Pipeline
+from belie.bridges.wire import Offer, Received
+from belie.geometry import SE3, CameraModel
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
+from belie.types import ConfigError, TransportError
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -191,6 +195,42 @@ def test_a_reload_begins_a_new_session_on_the_same_transport(transport, robot, t
         assert len(path.read_text().splitlines()) == 5 * (turn + 1)
 
 
+def test_sinks_that_were_open_before_one_failed_are_closed(transport, robot, tmp_path):
+    metrics = f"127.0.0.1:{free_port()}"
+    bad = quick_settings(
+        metrics=metrics, evidence={"folder": str(tmp_path)}, webhook={"url": "htp://a-typo.example"}
+    )
+    transport.offered = robot.offers()
+    with pytest.raises(ConfigError, match="webhook"):
+        LiveSession(transport, bad, on_event=lambda text: None).run()
+    names = {thread.name for thread in threading.enumerate()}
+    assert "belie-evidence" not in names
+    with running(transport, robot, quick_settings(metrics=metrics)) as session:  # the port is free again
+        robot.introduce(transport)
+        robot.drive(transport, 0, 5)
+        assert wait_until(lambda: answered(session) == 5)
+
+
+def test_a_topic_that_cannot_be_subscribed_leaves_nothing_behind(transport, robot, monkeypatch):
+    metrics = f"127.0.0.1:{free_port()}"
+    transport.offered = robot.offers()
+    subscribe = transport.subscribe
+
+    def refuse_images(topic, *arguments, **options) -> None:
+        if topic == IMAGE:
+            raise TransportError("no such type support")
+        subscribe(topic, *arguments, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(transport, "subscribe", refuse_images)
+        with pytest.raises(TransportError, match="type support"):
+            LiveSession(transport, quick_settings(metrics=metrics), on_event=lambda text: None).run()
+    assert not transport.handlers
+    assert "belie-monitor" not in {thread.name for thread in threading.enumerate()}
+    with running(transport, robot, quick_settings(metrics=metrics)):
+        pass  # the port is free again
+
+
 @pytest.mark.parametrize("jump_s", [-100.0, 100.0])
 def test_a_clock_jump_begins_the_watch_anew(transport, robot, jump_s):
     with running(transport, robot) as session:
@@ -202,6 +242,109 @@ def test_a_clock_jump_begins_the_watch_anew(transport, robot, jump_s):
         assert wait_until(lambda: answered(session) >= 24)
         assert ("", "clock jump") in fault_kinds(session)
         assert session.board.answer.verdict.frame < 20, "a new watch counts from 0"
+
+
+def test_a_stream_of_another_clock_is_left_out_and_the_watch_goes_on(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        for k in range(60):
+            transport.send(ODOM, robot.odometry(k + 4000))  # 200 s ahead of the images
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) == 60)
+        assert fault_kinds(session) == {(ODOM, "foreign clock")}
+        assert session.board.answer.verdict.frame == 59, "the watch was never begun anew"
+        assert wait_until(lambda: "foreign clock" in statuses(transport)["belie: input /odom"][1])
+
+
+def test_a_stream_that_mends_its_clock_is_taken_in_again(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        for k in range(40):
+            transport.send(ODOM, robot.odometry(k + 4000))
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) == 40)
+        robot.drive(transport, 40, 60)
+        assert wait_until(lambda: answered(session) == 100)
+        odometry = next(c for c in session.board.answer.verdict.checks if c.source == ODOM)
+        assert odometry.statistic != 0.0, "compared with the images again"
+        assert "no claim" not in odometry.reason
+        (fault,) = session.board.faults()
+        assert (fault.kind, fault.count) == ("foreign clock", 40), "counted as long as it lasted"
+
+
+def test_an_image_a_little_older_than_the_one_before_is_left_out(transport, robot):
+    with running(transport, robot) as session:
+        robot.introduce(transport)
+        robot.drive(transport, 0, 20)
+        assert wait_until(lambda: answered(session) == 20)
+        transport.send(IMAGE, robot.image(20, stamp_ns=19 * robot.period_ns - 1_000_000))
+        robot.drive(transport, 20, 10)
+        assert wait_until(lambda: answered(session) == 30)
+        (fault,) = session.board.faults()
+        assert (fault.topic, fault.kind, fault.count) == (IMAGE, "image out of order", 1)
+        assert session.board.answer.verdict.frame == 29, "the watch was never begun anew"
+        transport.send(IMAGE, robot.image(30, stamp_ns=29 * robot.period_ns - 1_000_000_000))
+        assert wait_until(lambda: ("", "clock jump") in fault_kinds(session))
+
+
+def test_odometry_that_speaks_late_is_judged_in_its_own_frame(transport, robot):
+    settings = quick_settings(
+        intake={"settle_s": 0.05, "first_message_s": 0.2, "frames": 100, "start_frames": 100}
+    )
+    mount = SE3([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0.0, 0.0, 1.0])
+    sits = [
+        ("base_link", "cam_optical_frame", mount),
+        ("base_link", "imu_link", SE3.from_translation([1.0, 0, 0])),
+    ]
+    with running(transport, robot, settings) as session:
+        transport.send(TF, bytes(STORE.serialize_cdr(messages.transforms(sits, 0), ros.TRANSFORMS)))
+        transport.send(INFO, robot.info(0))
+        transport.send(IMAGE, robot.image(0))
+        assert wait_until(lambda: session.board.watching)
+        for k in range(1, 21):
+            message = STORE.deserialize_cdr(robot.odometry(k), ros.ODOMETRY)
+            message.child_frame_id = "imu_link"
+            transport.send(ODOM, bytes(STORE.serialize_cdr(message, ros.ODOMETRY)))
+            transport.send(IMAGE, robot.image(k))
+            time.sleep(0.005)
+        assert wait_until(lambda: answered(session) >= 20)
+        assert fault_kinds(session) == {("", "odometry frame")}
+        (fault,) = session.board.faults()
+        assert fault.count == 1
+        assert "tells of imu_link, not of base_link" in fault.text
+
+
+def test_claims_do_not_pile_up_while_the_camera_is_dead(robot):
+    settings = quick_settings()
+    image, info, odom = (
+        ros.Topic(name=offer.topic, message_type=offer.message_type, count=1) for offer in robot.offers()
+    )
+    choice = ros.Choice(
+        image=image, camera_info=info, odometry=odom, position=None, imu=None, detections=None
+    )
+    introduction = Introduction(choice, info_by_name=False)
+    introduction.frames.add_message(STORE.deserialize_cdr(robot.tf(), ros.TRANSFORMS))
+    introduction.hear_info(STORE.deserialize_cdr(robot.info(0), ros.CAMERA_INFO))
+    introduction.hear_image("cam_optical_frame", (320, 240))
+    pipeline = Pipeline(introduction, settings, Board())
+
+    def add(topic: str, kind: str, data: bytes, k: int) -> None:
+        received = Received(topic=topic, message_type=kind, data=data, received_ns=k * robot.period_ns)
+        pipeline.add(received, STORE.deserialize_cdr(data, kind))
+
+    for k in range(400):  # 20 s before the first image
+        add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
+    assert len(pipeline._early) <= 101
+    add(IMAGE, ros.IMAGE, robot.image(400), 400)
+    assert len(list(pipeline.release(410 * robot.period_ns))) == 1
+    for k in range(401, 1000):  # 30 s after the last
+        add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
+    waiting = pipeline._joiner.streams[ODOM].waiting
+    assert 90 <= len(waiting) <= 101, "five seconds at 20 Hz"
+    add(IMAGE, ros.IMAGE, robot.image(1000), 1000)
+    assert len(list(pipeline.release(1010 * robot.period_ns))) == 1
 
 
 def test_a_changed_camera_begins_the_watch_anew(transport, robot):

@@ -24,6 +24,7 @@ from belie.bridges.settings import (
 from belie.bridges.sinks.annotated import AnnotatedSink
 from belie.bridges.sinks.diagnostics import DiagnosticsSink, statuses_of
 from belie.bridges.sinks.evidence import EvidenceSink
+from belie.bridges.sinks.evidence_bag import EvidenceBag
 from belie.bridges.sinks.metrics import MetricsSink
 from belie.bridges.sinks.outlet import Outlet
 from belie.bridges.sinks.vda5050 import state_of
@@ -110,6 +111,37 @@ def test_a_webhook_is_posted_again_until_it_is_taken():
     assert posts[0]["frame"] == 2
     assert posts[0]["alerts"][0]["type"] == "odometry_spoofing"
     assert board.sink("webhook") == Counter(failed=2, sent=1)
+
+
+def test_a_webhook_that_redirects_is_a_failure_and_followed_nowhere(monkeypatch):
+    monkeypatch.setenv("BELIE_WEBHOOK_TOKEN", "secret")
+    asked: list[tuple[str, str]] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            asked.append(("POST", self.path))
+            self.send_response(302)
+            self.send_header("Location", f"http://localhost:{server.server_port}/elsewhere")
+            self.end_headers()
+
+        def do_GET(self) -> None:
+            asked.append(("GET", self.path))
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None: ...
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    board = Board()
+    sink = WebhookSink(WebhookSettings(url=f"http://127.0.0.1:{server.server_port}/hook"), RETRY, board)
+    sink.answer(answer(2, alert=True))
+    assert wait_until(lambda: board.sink("webhook")["failed"] >= 2)
+    sink.close(1.0)
+    server.shutdown()
+    assert set(asked) == {("POST", "/hook")}
+    assert board.sink("webhook")["sent"] == 0
 
 
 def test_a_webhook_wants_http():
@@ -238,6 +270,32 @@ def test_evidence_keeps_its_quota_and_its_memory(robot, tmp_path):
     assert any("quota" in event for event in events)
 
 
+def test_alerts_in_quick_succession_keep_a_bag_each(robot, tmp_path, monkeypatch):
+    began, may_go_on = threading.Event(), threading.Event()
+
+    class SlowBag(EvidenceBag):
+        def __init__(self, *arguments) -> None:
+            began.set()
+            may_go_on.wait(10.0)
+            super().__init__(*arguments)
+
+    monkeypatch.setattr("belie.bridges.sinks.evidence.EvidenceBag", SlowBag)
+    sink, board, _ = evidence(tmp_path, before_s=1.0, after_s=0.0)
+    sink.received(Received(topic=TF, message_type=ros.TRANSFORMS, data=robot.tf(), received_ns=now_ns()))
+    for turn in range(3):  # the first holds the disk up, so that the others lie in one batch
+        feed(sink, robot, 10 * turn, 5, now_ns())
+        sink.answer(answer(turn, alert=True))
+        time.sleep(0.005)
+        sink.tick(Board().picture(()))
+        assert began.wait(5.0)
+    may_go_on.set()
+    sink.close(5.0)
+    assert board.sink("evidence") == Counter(sent=3)
+    bags = sorted(tmp_path.glob("*.mcap"))
+    first = [next(iter(open_recording(bag).steps())).frame.stamp_ns // robot.period_ns for bag in bags]
+    assert first == [0, 10, 20]
+
+
 def test_evidence_on_a_disk_that_fails_is_a_fault_and_no_end(robot, tmp_path):
     target = tmp_path / "file"
     target.write_text("no folder")
@@ -247,3 +305,31 @@ def test_evidence_on_a_disk_that_fails_is_a_fault_and_no_end(robot, tmp_path):
     sink.tick(Board().picture(()))
     sink.close(2.0)
     assert any(fault.kind == "evidence not written" for fault in board.faults())
+
+
+def test_evidence_gives_a_bag_up_at_its_first_error_and_writes_the_next(robot, tmp_path, monkeypatch):
+    failing = threading.Event()
+    failing.set()
+    write = EvidenceBag.write
+
+    def fail(bag: EvidenceBag, message: Received) -> None:
+        if failing.is_set() and message.topic == IMAGE:
+            raise OSError("no space left on device")
+        write(bag, message)
+
+    monkeypatch.setattr(EvidenceBag, "write", fail)
+    sink, board, _ = evidence(tmp_path, before_s=1.0, after_s=0.05)
+    sink.answer(answer(0, alert=True))
+    for turn in range(4):  # batch after batch, all of the bag that failed
+        feed(sink, robot, turn, 1, now_ns())
+        assert wait_until(lambda: not sink._queue)
+    time.sleep(0.06)
+    sink.tick(Board().picture(()))
+    assert wait_until(lambda: not list(tmp_path.iterdir())), "no scratch folder stays"
+    assert board.sink("evidence") == Counter(failed=1)
+    failing.clear()
+    feed(sink, robot, 10, 5, now_ns())
+    sink.answer(answer(1, alert=True))
+    sink.close(5.0)
+    assert board.sink("evidence") == Counter(failed=1, sent=1)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".mcap"]

@@ -59,9 +59,14 @@ class Introduction:
     def hear_claim(self, topic: str, message: Any) -> None:
         """Take a message of a claim topic."""
         self._heard.add(topic)
+        self._child = self.child_frame(topic, message) or self._child
+
+    def child_frame(self, topic: str, message: Any) -> str:
+        """The frame whose motion a message of the chosen odometry tells; empty for any other message."""
         odometry = self.choice.odometry
-        if odometry is not None and topic == odometry.name and odometry.message_type == ros.ODOMETRY:
-            self._child = frame_name(message.child_frame_id)
+        if odometry is None or topic != odometry.name or odometry.message_type != ros.ODOMETRY:
+            return ""
+        return frame_name(message.child_frame_id)
 
     def lacking(self) -> tuple[str, ...]:
         """The chosen topics that have said nothing yet."""

@@ -111,13 +111,15 @@ class LiveSession:
         stop = threading.Event()
         worker = threading.Thread(target=monitor.run, args=(stop,), name="belie-monitor", daemon=True)
         worker.start()
-        self._subscribe(choice)
-        self._tick_until_requested()
-        stop.set()
-        intake.wake()
-        worker.join(_STOP_S)
-        self._close_sinks()
-        self._transport.reset()
+        try:
+            self._subscribe(choice)
+            self._tick_until_requested()
+        finally:  # a topic that cannot be subscribed must leave nothing behind for the next session
+            stop.set()
+            intake.wake()
+            worker.join(_STOP_S)
+            self._close_sinks()
+            self._transport.reset()
 
     def _subscribe(self, choice: ros.Choice) -> None:
         subscribe = self._transport.subscribe

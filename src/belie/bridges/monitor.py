@@ -70,6 +70,7 @@ class Monitor:
         self._decoder = GrayDecoder(introduction.choice.image.name)
         self._backlog: dict[str, deque[Received]] = {}
         self._camera_known_ns: int | None = None
+        self._body_unproven = False  # no odometry was heard when the watch began
         self._tf_seen: set[bytes] = set()
         self._info_seen = b""
 
@@ -125,6 +126,8 @@ class Monitor:
         elif topic == choice.camera_info.name:
             self._hear_info(received, message)
         elif self._pipeline is not None:
+            if self._body_unproven:
+                self._prove_body(self._pipeline, topic, message)
             self._pipeline.add(received, message)
         else:
             self._hear_stranger(received, message)
@@ -167,6 +170,16 @@ class Monitor:
         self._info_seen = received.data[12:]
         if self._introduction.hear_info(message) and self._pipeline is not None:
             raise WatchBroken(f"camera info changed: {received.topic} describes another camera than before")
+
+    def _prove_body(self, pipeline: Pipeline, topic: str, message: Any) -> None:
+        """Odometry that first speaks within the watch must tell of the body that the watch was begun for."""
+        child = self._introduction.child_frame(topic, message)
+        if not child:
+            return
+        self._body_unproven = False
+        if child != pipeline.body:
+            self._introduction.hear_claim(topic, message)
+            raise WatchBroken(f"odometry frame: {topic} tells of {child}, not of {pipeline.body}")
 
     # -- before the watch ----------------------------------------------------------------------------
 
@@ -211,6 +224,8 @@ class Monitor:
             return
         self._board.state, self._board.watching = "watching", True
         self._on_event("ready: watching" + (f" (silent so far: {', '.join(lacking)})" if lacking else ""))
+        odometry = introduction.choice.odometry
+        self._body_unproven = odometry is not None and odometry.name not in self._backlog
         waiting = sorted((m for kept in self._backlog.values() for m in kept), key=lambda m: m.received_ns)
         self._backlog.clear()
         for received in waiting:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,6 +24,8 @@ from belie.recordings.rig import ClaimReader, claim_reader
 from belie.types import CalibrationError, Claim, Frame, GrayImage, RecordingError, TopicError
 
 _TRY_READER_AGAIN_NS = 1_000_000_000
+# While no frame waits, claims older than this are of no use: across such a gap of the camera nothing is compared.
+_CLAIMS_KEPT_NS = 5_000_000_000
 
 
 class WatchBroken(Exception):  # noqa: N818 (no error: the watch begins anew)
@@ -75,8 +78,16 @@ class Pipeline:
         self._topics = {topic.name: topic for topic in self._choice.claims}
         self._readers: dict[str, ClaimReader] = {}
         self._reader_failed_ns: dict[str, int] = {}
+        self._early: deque[Claim] = deque(
+            maxlen=settings.intake.claims
+        )  # before any frame tells the images' clock
         self._indices: dict[str, int] = {}
         self._last_frame: tuple[int, int] | None = None
+
+    @property
+    def body(self) -> str:
+        """The frame that claims are about."""
+        return self._rig.body
 
     @property
     def waiting(self) -> int:
@@ -122,14 +133,23 @@ class Pipeline:
         stamp_ns = header_stamp_ns(message)
         self._watch_clock(stamp_ns, received.received_ns)
         frame = Frame(camera=self._camera, stamp_ns=stamp_ns, received_ns=received.received_ns, image=image)
-        self._punctuality.frame(
-            stamp_ns=stamp_ns, received_ns=received.received_ns, streams=list(self._joiner.streams)
-        )
         decode_ms = (time.perf_counter() - began) * 1e3
         try:
             self._joiner.add_frame(DecodedFrame(frame=frame, index=index, decode_ms=decode_ms))
         except RecordingError as error:
+            back_s = ((self._joiner.newest_frame_ns or 0) - stamp_ns) * 1e-9
+            if 0.0 < back_s < self._settings.join.clock_jump_s:
+                self._board.fault(
+                    received.topic, "image out of order", f"stamped {back_s:.4f} s before the newest one"
+                )
+                return
             raise WatchBroken(f"clock jump: {error}") from error
+        self._last_frame = (stamp_ns, received.received_ns)
+        self._punctuality.frame(
+            stamp_ns=stamp_ns, received_ns=received.received_ns, streams=list(self._joiner.streams)
+        )
+        while self._early:
+            self._add_claim(self._early.popleft())
 
     def _watch_clock(self, stamp_ns: int, received_ns: int) -> None:
         if self._last_frame is not None:
@@ -137,7 +157,6 @@ class Pipeline:
             ahead_s = (step_ns - (received_ns - self._last_frame[1])) * 1e-9
             if ahead_s > self._settings.join.clock_jump_s and step_ns > 0:
                 raise WatchBroken(f"clock jump: image stamps ran {ahead_s:.1f} s ahead between two frames")
-        self._last_frame = (stamp_ns, received_ns)
 
     def _claims(self, received: Received, message: Any, index: int) -> tuple[Claim, ...]:
         topic = received.topic
@@ -168,12 +187,29 @@ class Pipeline:
         return reader
 
     def _add_claim(self, claim: Claim) -> None:
+        if self._joiner.clock_ahead_ns is None:
+            self._early.append(claim)
+            while self._early[0].received_ns < claim.received_ns - _CLAIMS_KEPT_NS:
+                self._early.popleft()
+            return
+        offset_s = self._joiner.foreign_clock_s(claim)
+        if offset_s is not None:  # must neither reach the detector nor blind the checks of all other streams
+            self._board.fault(
+                claim.source,
+                "foreign clock",
+                f"stamps {offset_s:+.1f} s off those of the images received with them; let both use one clock",
+            )
+            return
         jumps = self._counts.clock_jumps[claim.source]
         self._punctuality.claim(claim.source, stamp_ns=claim.stamp_ns, received_ns=claim.received_ns)
         try:
             self._joiner.add_claim(claim)
         except RecordingError as error:
-            raise WatchBroken(f"clock of {claim.source}: {error}") from error
+            self._joiner.drop_stream(claim.source)
+            self._board.fault(claim.source, "too many claims", str(error))
+            return
+        if not self._joiner.frames:  # a camera that died takes no claims away
+            self._joiner.forget(claim.source, claim.received_ns - _CLAIMS_KEPT_NS)
         if self._counts.clock_jumps[claim.source] > jumps:
             self._board.fault(claim.source, "clock jump", "its stamps ran back by more than a second")
 

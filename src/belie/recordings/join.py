@@ -126,12 +126,30 @@ class Joiner:
                 "images; its stamps run far ahead: synchronise the clocks and record again"
             )
 
+    def foreign_clock_s(self, claim: Claim) -> float | None:
+        """How far [s] a claim's stamp is off the images' clock, where that is too far; None where it is not."""
+        if self.clock_ahead_ns is None:
+            return None
+        offset_s = (claim.stamp_ns - claim.received_ns - self.clock_ahead_ns) / 1e9
+        return offset_s if abs(offset_s) > self.settings.max_clock_offset_s else None
+
+    def drop_stream(self, source: str) -> None:
+        """Forget a stream and its waiting claims; no frame waits for it any longer."""
+        stream = self.streams.pop(source, None)
+        if stream is not None:
+            self.counts.dropped_late[source] += len(stream.waiting)
+
+    def forget(self, source: str, before_ns: int) -> None:
+        """Drop a stream's waiting claims that were received before a time, the oldest stamps first."""
+        waiting = self.streams[source].waiting
+        while waiting and waiting[0][2].received_ns < before_ns:
+            heapq.heappop(waiting)
+            self.counts.dropped_late[source] += 1
+
     def _require_common_clock(self, claim: Claim) -> None:
         """Refuse a stream that is stamped by another clock: nothing of it would ever meet its frame."""
-        if self.clock_ahead_ns is None:
-            return
-        offset_s = (claim.stamp_ns - claim.received_ns - self.clock_ahead_ns) / 1e9
-        if abs(offset_s) > self.settings.max_clock_offset_s:
+        offset_s = self.foreign_clock_s(claim)
+        if offset_s is not None:
             raise RecordingError(
                 f"stamps of {claim.source} are {offset_s:+.1f} s off those of the images that were received "
                 "with them; let both use one clock (simulated time or wall time) and record again"

@@ -50,11 +50,10 @@ class EvidenceSink(SinkBase):
         self._lasting: dict[str, deque[Received]] = {}
         self._ring: deque[Received] = deque()
         self._ring_bytes = 0
-        self._queue: deque[Received | None] = deque()
+        self._queue: deque[Received | str | None] = deque()  # a bag's name, its messages, None where it ends
         self._queue_bytes = 0
         self._open_ns: int | None = None
         self._until_ns = 0
-        self._name = ""
         self._ready = threading.Condition()
         self._stopping = False
         clear_unfinished(self._folder)
@@ -100,7 +99,7 @@ class EvidenceSink(SinkBase):
             if self._open_ns is None:
                 self._open_ns = now
                 moment = datetime.fromtimestamp(now * 1e-9, tz=UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
-                self._name = f"{PREFIX}{moment}Z-{answer.verdict.alerts[0].type.value}"
+                self._queue.append(f"{PREFIX}{moment}Z-{answer.verdict.alerts[0].type.value}")
                 start_ns = self._ring[0].received_ns if self._ring else now
                 in_ring = set(map(id, self._ring))
                 for kept in self._lasting.values():
@@ -151,25 +150,31 @@ class EvidenceSink(SinkBase):
                 batch = list(self._queue)
                 self._queue.clear()
                 self._queue_bytes = 0
-                name = self._name
-            try:
-                for message in batch:
-                    if message is not None:
-                        bag = bag or EvidenceBag(self._folder, name)
-                        bag.write(message)
-                    elif bag is not None:
-                        path = bag.close()
-                        bag = None
-                        self._counts["sent"] += 1
-                        removed = keep_quota(self._folder, self._settings.quota_mb * 1e6)
-                        gone = (
-                            f"; removed {', '.join(old.name for old in removed)} (quota)" if removed else ""
-                        )
-                        self._on_event(f"evidence: {path}{gone}")
-            except Exception as error:  # a full or missing disk must not end the watch
-                self._counts["failed"] += 1
-                self._board.fault("", "evidence not written", f"{type(error).__name__}: {error}")
-                bag = None
+            for entry in batch:
+                try:
+                    bag = self._write(bag, entry)
+                except Exception as error:  # a full or missing disk must not end the watch
+                    self._counts["failed"] += 1
+                    self._board.fault("", "evidence not written", f"{type(error).__name__}: {error}")
+                    if bag is not None:
+                        bag.abandon()
+                    bag = None
+
+    def _write(self, bag: EvidenceBag | None, entry: Received | str | None) -> EvidenceBag | None:
+        """Begin, continue or end a bag; without one (it failed), messages pass until the next begins."""
+        if isinstance(entry, str):
+            return EvidenceBag(self._folder, entry)
+        if bag is None:
+            return None
+        if entry is not None:
+            bag.write(entry)
+            return bag
+        path = bag.close()
+        self._counts["sent"] += 1
+        removed = keep_quota(self._folder, self._settings.quota_mb * 1e6)
+        gone = f"; removed {', '.join(old.name for old in removed)} (quota)" if removed else ""
+        self._on_event(f"evidence: {path}{gone}")
+        return None
 
 
 def _at(message: Received, received_ns: int) -> Received:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from rosbags.interfaces import Connection
@@ -34,8 +35,12 @@ class EvidenceBag:
         self.bytes = 0
         self._scratch = Path(tempfile.mkdtemp(dir=folder, prefix=f".{name}-"))
         self._bag = Writer(self._scratch / name, version=9, storage_plugin=StoragePlugin.MCAP)
-        self._bag.open()
         self._connections: dict[str, Connection] = {}
+        try:
+            self._bag.open()
+        except Exception:
+            self.abandon()
+            raise
 
     def write(self, message: Received) -> None:
         """Append a message as it was received."""
@@ -58,6 +63,12 @@ class EvidenceBag:
         written.replace(self.path)
         shutil.rmtree(self._scratch, ignore_errors=True)
         return self.path
+
+    def abandon(self) -> None:
+        """Give the bag up after an error: nothing of it stays on the disk."""
+        with suppress(Exception):  # it is about to be removed; a full disk would be told a second time
+            self._bag.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
 
 
 def keep_quota(folder: Path, quota_bytes: float) -> list[Path]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 from belie.bridges.board import Board, Picture
@@ -13,6 +14,8 @@ from belie.bridges.sinks.outlet import Outlet
 from belie.bridges.sinks.sink import Sink
 from belie.bridges.wire import Transport
 from belie.recordings import topics as ros
+
+_CLOSE_S = 0.5
 
 
 def open_sinks(
@@ -31,10 +34,39 @@ def open_sinks(
     Raises
     ------
     MissingExtraError, TransportError
-        If one of them cannot work: told at the start, not after the first alert.
+        If one of them cannot work: told at the start, not after the first alert. Those that were open by then are
+        closed, so that the settings of before can be opened again.
     """
-    answers = settings.answers
     sinks: list[Sink] = []
+    with ExitStack() as opened:
+        for sink in _sinks(
+            settings,
+            transport=transport,
+            board=board,
+            picture=picture,
+            choice=choice,
+            json=json,
+            dashboard=dashboard,
+            on_event=on_event,
+        ):
+            opened.callback(sink.close, _CLOSE_S)
+            sinks.append(sink)
+        opened.pop_all()
+    return sinks
+
+
+def _sinks(
+    settings: LiveSettings,
+    *,
+    transport: Transport,
+    board: Board,
+    picture: Callable[[], Picture],
+    choice: ros.Choice,
+    json: Path | None,
+    dashboard: bool,
+    on_event: Callable[[str], None],
+) -> Iterator[Sink]:
+    answers = settings.answers
 
     def publisher(topic: str, message_type: str, *, latched: bool) -> Callable[[bytes], None]:
         # In a thread of its own: a middleware whose peer is slow may block a writer.
@@ -44,37 +76,36 @@ def open_sinks(
 
     if answers.diagnostics:
         publish = publisher(answers.diagnostics, DIAGNOSTICS, latched=False)
-        sinks.append(DiagnosticsSink(publish, answers, picture))
+        yield DiagnosticsSink(publish, answers, picture)
     if answers.alerts:
-        sinks.append(AlertsSink(publisher(answers.alerts, DIAGNOSTICS, latched=True), picture))
+        yield AlertsSink(publisher(answers.alerts, DIAGNOSTICS, latched=True), picture)
     if answers.annotated:
         from belie.bridges.sinks.annotated import AnnotatedSink
 
         publish = publisher(answers.annotated, ros.COMPRESSED, latched=False)
-        sinks.append(AnnotatedSink(publish, answers.annotated_hz))
+        yield AnnotatedSink(publish, answers.annotated_hz)
     if json is not None:
         from belie.bridges.sinks.json_lines import JsonLinesSink
 
-        sinks.append(JsonLinesSink(json, board, settings.retry))
+        yield JsonLinesSink(json, board, settings.retry)
     if settings.metrics:
         from belie.bridges.sinks.metrics import MetricsSink
 
-        sinks.append(MetricsSink(settings.metrics, picture))
+        yield MetricsSink(settings.metrics, picture)
     if settings.evidence.folder:
         from belie.bridges.sinks.evidence import EvidenceSink
 
         lasting = (TF_STATIC, choice.camera_info.name)
-        sinks.append(EvidenceSink(settings.evidence, lasting, board, on_event))
+        yield EvidenceSink(settings.evidence, lasting, board, on_event)
     if settings.mqtt.host:
         from belie.bridges.sinks.mqtt import MqttSink
 
-        sinks.append(MqttSink(settings.mqtt, settings.retry, board))
+        yield MqttSink(settings.mqtt, settings.retry, board)
     if settings.webhook.url:
         from belie.bridges.sinks.webhook import WebhookSink
 
-        sinks.append(WebhookSink(settings.webhook, settings.retry, board))
+        yield WebhookSink(settings.webhook, settings.retry, board)
     if dashboard:
         from belie.bridges.sinks.dashboard import DashboardSink
 
-        sinks.append(DashboardSink())
-    return sinks
+        yield DashboardSink()

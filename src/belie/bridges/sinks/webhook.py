@@ -16,6 +16,13 @@ from belie.types import ConfigError
 TOKEN = "BELIE_WEBHOOK_TOKEN"
 
 
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A redirected POST would become a GET without its alerts, and take the token to another host: it fails instead."""
+
+    def redirect_request(self, *_: Any) -> None:
+        return None
+
+
 class WebhookSink(SinkBase):
     """Posts ``{"frame", "stamp_ns", "alerts": [...]}`` for every frame that raises an alert.
 
@@ -29,6 +36,7 @@ class WebhookSink(SinkBase):
         if not settings.url.startswith(("http://", "https://")):
             raise ConfigError(f"webhook.url {settings.url!r}: expected http:// or https://")
         self._settings = settings
+        self._opener = urllib.request.build_opener(_NoRedirect)
         self._outlet: Outlet[dict[str, Any]] = Outlet("webhook", self._post, retry, board.sink("webhook"))
 
     def answer(self, answer: Answer) -> None:
@@ -45,7 +53,7 @@ class WebhookSink(SinkBase):
         request = urllib.request.Request(
             self._settings.url, data=json.dumps(content).encode(), headers=headers, method="POST"
         )
-        with urllib.request.urlopen(request, timeout=self._settings.timeout_s):
+        with self._opener.open(request, timeout=self._settings.timeout_s):
             pass
 
     def close(self, timeout_s: float) -> None:
