@@ -181,3 +181,20 @@ def test_what_a_weak_picture_errs_by_in_rotation_is_no_lie():
         T = STEP @ off if i >= 60 else STEP
         answers.append(check.update(estimate(i, T, rng=rng, covariance=weak), STEP).status)
     assert Status.CONTRADICTED not in answers
+
+
+@pytest.mark.parametrize("lie_deg", [0.0, 1.0])
+def test_a_wheel_odometry_claims_no_pitch(lie_deg):
+    """A body that pitches on its springs while it drives, beside a claim that only ever turns about one axis."""
+    rng, check, answers = np.random.default_rng(3), odometry(), []
+    for i in range(1, 300):
+        driving = not 90 <= i < 210  # creeping, it does not pitch, and noise would be forgotten
+        pitch = rng.normal(0.0, 3e-3) if driving else 0.0
+        yaw = rng.normal(0.0, 2e-3)
+        seen = SE3.exp([0.0, 0.0, 0.8 if driving else 0.1, pitch, yaw, 0.0])
+        claimed = SE3.exp(
+            [0.0, 0.0, 0.8 if driving else 0.1, 0.0, yaw + np.radians(lie_deg) * (i >= 250), 0.0]
+        )
+        answers.append(check.update(estimate(i, seen), claimed).status)
+    assert Status.CONTRADICTED not in answers[:249]
+    assert (Status.CONTRADICTED in answers[249:260]) == (lie_deg > 0.0)

@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from belie.checks.noise_scale import NoiseScaleSettings
@@ -31,6 +32,8 @@ _DIRECTED = 5.0  # standard errors
 _RENEWED = (
     0.2  # share of a map's scale that a frame renews: near corners carry it, and pass by in some five frames
 )
+_PLANAR = 1e-8  # of the turns' second moment lies off their axis; a body in space has 1e-3 and more
+_MAINLY = 0.5  # an axis is mainly along those of the camera that it has more than this in common with
 _SHORT_M = 0.1  # a step that may well go unseen: what a standing camera errs by is less
 _COMPONENTS = (
     "sideways (camera x)", "upwards (camera y)", "forwards (camera z)",
@@ -136,6 +139,7 @@ class OdometryCheck:
             tests,
         )
         self._scale = _Scale()
+        self._turns = np.zeros((3, 3))
         self._accused = False
         self.evidence: Evidence | None = None
 
@@ -170,7 +174,7 @@ class OdometryCheck:
         length = float(np.linalg.norm(estimate.T_prev_cur.t))
         # Where it is no longer than its error, its direction is noise, and the difference is always negative along it.
         directed = length > _DIRECTED * math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
-        tested = np.array([translates] * 3 + [True] * 3 + [translates and directed])
+        tested = np.array([translates] * 3 + [*self._turned_about(T_prev_cur)] + [translates and directed])
         along = np.zeros((1, 6))
         along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
         evidence = self.test.update(
@@ -217,6 +221,19 @@ class OdometryCheck:
             scale.log_m, scale.map_id = math.log(claimed / visual), estimate.map_id
             self.test.errors.forget(_SCALE, 0.5)
         return True
+
+    def _turned_about(self, T_prev_cur: SE3) -> npt.NDArray[np.bool_]:
+        """Which axes of the camera the claim ever turns about, shape (3,).
+
+        A wheel odometry turns about one axis only. That it knows of no pitch and no roll is no claim that there is
+        none: the vehicle's own would be learned as noise, and forgotten at every stop.
+        """
+        omega = so3_log(T_prev_cur.R)
+        self._turns += np.outer(omega, omega)
+        sizes, axes = np.linalg.eigh(self._turns)
+        if sizes[1] > _PLANAR * sizes[2] or sizes[2] == 0.0:
+            return np.ones(3, dtype=bool)
+        return np.asarray(np.abs(axes[:, 2]) > _MAINLY)
 
     def _sees_translation(self, estimate: VisualEstimate, T_prev_cur: SE3) -> bool:
         """Whether the claimed step is more than what the images may be off by: else any claim would pass."""
