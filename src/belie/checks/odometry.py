@@ -29,9 +29,9 @@ from belie.types import CheckResult, Settings, Status, VisualEstimate
 _MOUNT, _LEVER, _GAIN, _SCALE, _CORRECTION = slice(0, 3), slice(3, 6), 6, 7, slice(8, 11)
 _PARAMETERS = 11
 _DIRECTED = 5.0  # standard errors
-_RENEWED = (
-    0.2  # share of a map's scale that a frame renews: near corners carry it, and pass by in some five frames
-)
+# Of a map's scale, the share that a frame renews: near corners carry it and pass by in some five frames, in which they
+# err together.
+_RENEWED = 0.2
 _PLANAR = 1e-8  # of the turns' second moment lies off their axis; a body in space has 1e-3 and more
 _MAINLY = 0.5  # an axis is mainly along those of the camera that it has more than this in common with
 _SHORT_M = 0.1  # a step that may well go unseen: what a standing camera errs by is less

@@ -107,10 +107,9 @@ class VisualOdometry:
 
     def _begin_anew(self) -> None:
         """Forget motion and map: what comes has another scale."""
-        unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
+        self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         self._forget_motion()
         self._map_id += 1
-        self._unit = unit
         self._corners = TrackedCorners()
 
     def _forget_motion(self) -> None:
@@ -120,7 +119,6 @@ class VisualOdometry:
         self._interval_ns = 0
         self._stamp_ns: int | None = None
         self._has_scale = False
-        self._unit = 1.0
         self._sigma_px = 0.2
         self._anchor = np.empty((0, 2))
 
