@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from belie.detector import Config
 from belie.recordings import JoinSettings
@@ -194,12 +194,7 @@ def parse_live_settings(values: dict[str, Any], origin: str = "live.toml") -> Li
     """
     if isinstance(values.get("join"), dict):
         values = values | {"join": LiveSettings().join.model_dump() | values["join"]}
-    try:
-        return LiveSettings.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{origin}: {where}: {first['msg']}") from None
+    return LiveSettings.checked(values, origin)
 
 
 def load_live_settings(path: str | Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from belie.checks import (
     CameraSettings,
@@ -62,12 +62,7 @@ def parse_config(values: dict[str, Any], origin: str = "configuration") -> Confi
         ...
     belie.types.errors.ConfigError: configuration: sequential.false_alarm_per_hour: Extra inputs are not permitted
     """
-    try:
-        return Config.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{origin}: {where}: {first['msg']}") from None
+    return Config.checked(values, origin)
 
 
 def load_config(path: str | Path) -> Config:

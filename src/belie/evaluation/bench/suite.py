@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from belie.simulation.scenario import WeatherName
 from belie.types import ConfigError, Settings
@@ -172,12 +172,7 @@ def parse_suite(values: dict[str, Any], origin: str = "suite") -> Suite:
         ...
     belie.types.errors.ConfigError: suite: rivalz: Extra inputs are not permitted
     """
-    try:
-        suite = Suite.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{origin}: {where}: {first['msg']}") from None
+    suite = Suite.checked(values, origin)
     if not suite.drives and not suite.real and suite.closed_loop is None:
         raise ConfigError(f"{origin}: nothing to run: it needs [[drives]], [[real]] or [closed_loop]")
     return suite
