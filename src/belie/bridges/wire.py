@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from belie.recordings import topics as ros
+
 # Receive times must not jump when somebody sets the clock: wall time at the start, monotonic time since.
 _START_NS = time.time_ns() - time.monotonic_ns()
 
@@ -59,6 +61,17 @@ class Offer:
     publishers: int = 1
     reliable: bool = True
     latched: bool = False
+
+
+def writer_depth(message_type: str, *, latched: bool) -> int:
+    """How many messages of ours wait for listeners that are busy: seconds of any sensor, but not of images.
+
+    >>> writer_depth("sensor_msgs/msg/Imu", latched=False), writer_depth("sensor_msgs/msg/Image", latched=False)
+    (1000, 50)
+    """
+    if latched:
+        return 10
+    return 50 if message_type in (ros.IMAGE, ros.COMPRESSED) else 1000
 
 
 Receive = Callable[[Received], None]

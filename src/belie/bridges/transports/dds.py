@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 
 from belie.bridges.settings import DdsSettings
 from belie.bridges.transports.dds_raw import raw_type, ros_type_name, sample
-from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns
+from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns, writer_depth
 from belie.types import MissingExtraError, TransportError
 
 _PREFIX = "rt"  # ROS 2 puts it before the names of topics
@@ -206,7 +206,7 @@ class DdsTransport:
         from cyclonedds.pub import DataWriter
 
         kind, entity = self._topic(topic, message_type)
-        qos = self._qos(reliable=True, latched=latched, depth=10 if latched else 50)
+        qos = self._qos(reliable=True, latched=latched, depth=writer_depth(message_type, latched=latched))
         self._writers[topic] = DataWriter(self._participant, entity, qos=qos)
         return _DdsPublisher(kind, self._writers[topic])
 

@@ -16,14 +16,13 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from belie.bridges.settings import Ros1Settings
-from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns
+from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns, writer_depth
 from belie.recordings.messages import STORE
 from belie.recordings.topics import TRANSFORMS
 from belie.recordings.vision_messages import VISION_TYPES
 from belie.types import TransportError
 
 _DEBIAN = Path("/usr/lib/python3/dist-packages")
-_QUEUE = 50
 
 
 def _rospy() -> Any:
@@ -158,7 +157,8 @@ class Ros1Transport:
             (self._rospy.AnyMsg,),
             {"_type": ros1_type(message_type), "_md5sum": md5, "_full_text": definition},
         )
-        publisher = self._rospy.Publisher(topic, kind, latch=latched, queue_size=_QUEUE, tcp_nodelay=True)
+        depth = writer_depth(message_type, latched=latched)
+        publisher = self._rospy.Publisher(topic, kind, latch=latched, queue_size=depth, tcp_nodelay=True)
         self._publishers[topic] = publisher
         return _Ros1Publisher(kind, publisher, message_type)
 

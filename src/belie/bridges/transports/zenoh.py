@@ -14,11 +14,11 @@ from typing import Any
 
 from belie.bridges.settings import ZenohSettings
 from belie.bridges.transports.zenoh_names import offer_of, publisher_token, topic_key, type_hash
-from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns
+from belie.bridges.wire import Offer, Publisher, Receive, Received, now_ns, writer_depth
 from belie.types import ConfigError, MissingExtraError, TransportError
 
-_CACHED = 10
 _QUERY_S = 1.0
+_DROP_AFTER_US = 50_000  # Zenoh's own 1 ms loses messages whenever the machine is busy for that long
 
 
 def attachment(sequence: int, gid: bytes) -> bytes:
@@ -67,6 +67,9 @@ class ZenohTransport:
         config.insert_json5("connect/endpoints", json.dumps([settings.endpoint]))
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("timestamping/enabled", "true")  # the cache of latched topics needs it
+        config.insert_json5(
+            "transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US)
+        )
         if settings.ca_file:
             config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(settings.ca_file))
         try:
@@ -78,7 +81,7 @@ class ZenohTransport:
         self._zid = str(self._session.zid())
         self._entities = itertools.count(1)
         self._held: list[Any] = []
-        self._mine: dict[str, str] = {}
+        self._publishers: dict[str, Any] = {}
         self._tokens: set[str] = set()
         self._lock = threading.Lock()
         self._held.append(
@@ -149,22 +152,23 @@ class ZenohTransport:
         import zenoh.ext
 
         key = topic_key(self._domain, topic, message_type, type_hash(message_type))
-        self._mine[topic] = key
-        # A peer that is slow must not block us.
+        # A peer that is slow must not block us for long.
         options: dict[str, Any] = {
             "congestion_control": zenoh.CongestionControl.DROP,
             "reliability": zenoh.Reliability.RELIABLE,
         }
         if latched:
+            depth = writer_depth(message_type, latched=True)
             publisher: Any = zenoh.ext.declare_advanced_publisher(
                 self._session,
                 key,
-                cache=zenoh.ext.CacheConfig(max_samples=_CACHED),
+                cache=zenoh.ext.CacheConfig(max_samples=depth),
                 publisher_detection=True,
                 **options,
             )
         else:
             publisher = self._session.declare_publisher(key, **options)
+            self._publishers[topic] = publisher
         self._held.append(publisher)
         self._announce("MP", topic, message_type, latched=latched)
         return _ZenohPublisher(publisher)
@@ -176,7 +180,10 @@ class ZenohTransport:
         self._held.append(self._session.liveliness().declare_token(token))
 
     def subscribers(self, topic: str) -> int:
-        """How many listen; see `Transport`."""
+        """How many listen; see `Transport`. Their tokens may come before messages find their way to them."""
+        publisher = self._publishers.get(topic)
+        if publisher is not None and not publisher.matching_status.matching:
+            return 0
         name = topic.replace("/", "%")
         with self._lock:
             split = [token.split("/") for token in self._tokens]
@@ -198,7 +205,7 @@ class ZenohTransport:
         """Drop subscriptions and topics of ours; the one that finds publishers stays."""
         while len(self._held) > 1:
             self._held.pop().undeclare()
-        self._mine.clear()
+        self._publishers.clear()
 
     def close(self) -> None:
         """Leave the network."""

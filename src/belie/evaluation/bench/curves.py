@@ -1,4 +1,4 @@
-"""The curves of a suite, as SVG to be set into a page: detection and delay against false alarms, and single runs."""
+"""The curves of a suite, as SVG to be set into a page: detection and delay against false alarms."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from belie.evaluation.bench.published import FIGURE_5
-from belie.evaluation.bench.store import RunRecord, Store
+from belie.evaluation.bench.store import RunRecord
 from belie.evaluation.bench.summary import GOALS
 from belie.evaluation.bench.sweep import FACTORS
-from belie.evaluation.figures import ALERT, QUIET, svg
+from belie.evaluation.figures import svg
 from belie.types import AlertType
 
 _COLOURS = ("#1b6ca8", "#c26a00", "#6a4c93", "#3a7d44", "#8c564b", "#5c6166")
@@ -19,8 +18,6 @@ ALERT_OF_GOAL: Mapping[str, AlertType] = {
     "OS": AlertType.ODOMETRY_SPOOFING, "PS": AlertType.POSITION_SPOOFING, "OH": AlertType.OBSTACLE_HIDING,
     "OM": AlertType.OBJECT_MISCLASSIFICATION,
 }  # fmt: skip
-_TALL = 20.0  # times the threshold: beyond, a linear axis shows nothing else
-_CHECKS = {"OS": ("odometry",), "PS": ("position",), "OH": ("hiding",), "OM": ("misclassification",)}
 
 
 def colour_of(rival: str, rivals: Sequence[str]) -> str:
@@ -82,63 +79,3 @@ def roc_figure(records: Sequence[RunRecord], rivals: Sequence[str]) -> str:
         axes[0, 0].legend(fontsize=8.0)
 
     return svg(draw, (2.6 * len(goals) + 1.0, 4.4), "roc")
-
-
-def run_figures(records: Sequence[RunRecord], store: Store, rivals: Sequence[str]) -> str:
-    """The paper's figure 5 as measured: statistic over threshold around one attack of each goal.
-
-    The first simulated run of each goal is drawn, whatever came of it.
-    """
-    chosen = {}
-    for goal in GOALS:
-        runs = [r for r in records if r.goal == goal and r.not_applicable is None]
-        first = next(iter(runs), None)
-        if first is not None:
-            chosen[goal] = [r for r in runs if (r.recording, r.spec) == (first.recording, first.spec)]
-    if not chosen:
-        return ""
-    drawn = [r for r in rivals if r in ("default", "paper")] or list(rivals[:1])
-
-    def draw(figure: Any) -> None:
-        axes = figure.subplots(len(drawn), len(chosen), squeeze=False, sharex="col")
-        for column, (goal, runs) in enumerate(chosen.items()):
-            for row, rival in enumerate(drawn):
-                axis = axes[row, column]
-                run = next((r for r in runs if r.rival == rival), None)
-                if run is None:
-                    axis.set_axis_off()
-                    continue
-                _draw_run(axis, store, run, goal, colour_of(rival, rivals))
-                if column == 0:
-                    axis.set_ylabel(f"{rival}\nstatistic / threshold")
-            axes[0, column].set_title(GOALS[goal], fontsize=9.0)
-            axes[-1, column].set_xlabel(
-                f"frame\n{FIGURE_5[goal].replace(', ', ',' + chr(10), 1)}", fontsize=7.5
-            )
-
-    return svg(draw, (2.7 * len(chosen) + 0.8, 2.1 * len(drawn) + 0.8), "figure5")
-
-
-def _draw_run(axis: Any, store: Store, run: RunRecord, goal: str, colour: str) -> None:
-    """Of several objects in a frame the one closest to its threshold."""
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(store.frames / f"{run.key}.parquet").to_pydict()
-    worst: dict[int, float] = {}
-    for frame, check, statistic, threshold in zip(
-        table["frame"], table["check"], table["statistic"], table["threshold"], strict=True
-    ):
-        if check in _CHECKS[goal] and statistic is not None and threshold:
-            worst[frame] = max(worst.get(frame, 0.0), statistic / threshold)
-    onset = run.onset or 0
-    begin, end = max(0, onset - 30), onset + 25
-    axis.axvspan(onset, min(onset + 10, run.frames), color=ALERT, alpha=0.12, linewidth=0)
-    axis.axhline(1.0, color=QUIET, linewidth=0.9, linestyle="--")
-    frames = [frame for frame in sorted(worst) if begin <= frame <= end]
-    axis.plot(frames, [worst[frame] for frame in frames], ".-", color=colour, linewidth=1.1, markersize=3.5)
-    if run.caught and run.delay_frames is not None:
-        axis.axvline(onset + run.delay_frames, color=ALERT, linewidth=1.1)
-    axis.set_xlim(begin, end)
-    if max((worst[frame] for frame in frames), default=0.0) > _TALL:
-        axis.set_yscale("symlog", linthresh=2.0)
-        axis.set_ylim(bottom=0.0)

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import jinja2
 
-from belie.evaluation.bench.curves import roc_figure, run_figures
+from belie.evaluation.bench.curves import roc_figure
 from belie.evaluation.bench.rivals import RivalMaker
+from belie.evaluation.bench.single_runs import figure_5, figure_6
 from belie.evaluation.bench.store import RunRecord, Store
 from belie.evaluation.bench.suite import Suite
 from belie.evaluation.bench.summary import Summary
@@ -52,7 +53,8 @@ def write_outcome(
         suite=suite,
         summary=summary,
         how=how,
-        runs_figure=run_figures(records, store, suite.rivals),
+        figure_5=figure_5(records, store, suite.rivals),
+        figure_6=figure_6(records, store, suite.rivals),
         roc_figure=roc_figure(records, suite.rivals),
         factors=(FACTORS[0], FACTORS[-1]),
         reports=reports,

@@ -44,8 +44,8 @@ class RunRecord:
         Of the world (simulated) or the claims' noise (real).
     family, goal, spec : str or None
         The attack; None for an honest run.
-    magnitude, unit, within, onset
-        Of the attack.
+    magnitude, unit, within, onset, stop
+        Of the attack; the frame `stop` is honest again.
     not_applicable : str or None
         Why the attack could not be tried on this recording; nothing below then means anything.
     alert : str or None
@@ -84,6 +84,7 @@ class RunRecord:
     unit: str = ""
     within: int | None = None
     onset: int | None = None
+    stop: int | None = None
     not_applicable: str | None = None
     alert: str | None = None
     caught: bool | None = None
@@ -132,6 +133,7 @@ def record_of(
         )
         known |= {
             "alert": label.alert.value,
+            "stop": label.stop_frame,
             "caught": scored.hit is not None and not late,
             "delay_frames": scored.delay_frames,
             "delay_ms": scored.delay_ms,
