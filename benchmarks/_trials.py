@@ -5,16 +5,16 @@ from __future__ import annotations
 import copy
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any
 
 import numpy as np
 
 from _recordings import MemoryRecording
 from belie.attacks import AttackLabel, attack
 from belie.detector import Config, Detector
-from belie.detector.default_profile import DefaultProfile
+from belie.detector.eyes import Eyes
 from belie.evaluation.intervals import wilson_interval
 from belie.evaluation.score import RaisedAlert, score
 from belie.geometry import FloatArray
@@ -72,14 +72,22 @@ class FalseAlert:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Remembered:
-    """Stands in for the visual odometry on frames that it has seen before."""
+@dataclass
+class LookOnce:
+    """The default profile's eyes, which no claim comes near: what they saw once is what they would see again."""
 
-    estimates: Mapping[int, VisualEstimate]
+    eyes: Eyes
+    estimates: dict[int, VisualEstimate] = field(default_factory=dict)
+    remembers: bool = False
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> LookOnce:
+        """With eyes of its own; what was seen is shared."""
+        return LookOnce(copy.deepcopy(self.eyes, memo), self.estimates, self.remembers)
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The estimate of this very frame."""
+        if not self.remembers:
+            self.estimates[id(frame)] = self.eyes.update(frame)
         return self.estimates[id(frame)]
 
     def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -99,18 +107,19 @@ class HonestRun:
     config: Config
     keep: Sequence[int] = ()
     verdicts: list[Verdict] = field(default_factory=list)
-    _states: dict[int, Detector] = field(default_factory=dict)
-    _estimates: dict[int, VisualEstimate] = field(default_factory=dict)
+    _states: dict[int, tuple[Detector, LookOnce | None]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        detector = Detector(self.recording.cameras, self.config)
+        ((_, camera),) = self.recording.cameras.items()
+        eyes = None
+        if self.config.profile == "default":
+            eyes = LookOnce(VisualOdometry(camera.model, self.config.visual_odometry, self.config.tracking))
+        detector = Detector(self.recording.cameras, self.config, eyes=eyes)
         wanted = {0, *self.keep}
         for index, step in enumerate(self.recording.steps()):
             if index in wanted:
-                self._states[index] = copy.deepcopy(detector)
+                self._states[index] = copy.deepcopy((detector, eyes))
             self.verdicts.append(detector.update(step.frame, step.claims))
-            if detector.estimate is not None:
-                self._estimates[id(step.frame)] = detector.estimate
 
     @property
     def false_alerts(self) -> list[FalseAlert]:
@@ -135,10 +144,9 @@ class HonestRun:
         if least_m > 0.0 and _lie_m(self.recording.joined[first], steps[first]) < least_m:
             return None
         start = max(index for index in self._states if index <= first)
-        detector = copy.deepcopy(self._states[start])
-        if label.stream != "camera" and isinstance(detector._profile, DefaultProfile):
-            # The default profile's eyes never see a claim: what they saw is what they would see again.
-            detector._profile._odometry = cast("VisualOdometry", Remembered(self._estimates))
+        detector, eyes = copy.deepcopy(self._states[start])
+        if eyes is not None:
+            eyes.remembers = label.stream != "camera"
         verdicts: list[Verdict] = []
         for step in steps[start:]:
             verdicts.append(detector.update(step.frame, step.claims))
