@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -112,3 +114,44 @@ def test_tiny_images_are_undecided(size):
         estimate = odometry.update(Frame(camera="/c", stamp_ns=i, received_ns=0, image=image))
         assert estimate.reason
         assert estimate.inliers == 0
+
+
+def veiled(frame, contrast, noise, seed):
+    """The frame in fog: little contrast, and what noise the sensor has."""
+    rng = np.random.default_rng([seed, frame.stamp_ns])
+    image = 170.0 + contrast * (frame.image - 128.0) + noise * rng.standard_normal(frame.image.shape)
+    return replace(frame, image=np.clip(image.round(), 0, 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fog_leaves_weak_corners_and_they_are_followed(seed):
+    """A twentieth of the contrast: hardly a corner is as strong as is asked for in clear air."""
+    poses = drive(14)
+    odometry = VisualOdometry(CAMERA)
+    estimates = [odometry.update(veiled(frame, 0.05, 0.3, seed)) for frame in frames(poses)]
+    for i in range(6, 14):
+        truth = poses[i - 1].inverse() @ poses[i]
+        assert estimates[i].reason is None
+        turn = np.degrees(np.linalg.norm(so3_log(estimates[i].T_prev_cur.R.T @ truth.R)))
+        stated = np.degrees(np.sqrt(np.linalg.eigvalsh(estimates[i].covariance[3:, 3:])[-1]))
+        assert turn < 4.0 * stated + 0.05
+
+
+def test_noise_alone_is_no_structure():
+    odometry = VisualOdometry(CAMERA)
+    for frame in frames([SE3.identity()] * 8):
+        estimate = odometry.update(veiled(frame, 0.0, 6.0, 0))
+        assert estimate.inliers == 0
+        assert estimate.reason
+
+
+def test_new_corners_among_none_but_infinite_ones_are_not_certain():
+    *seen, last = frames(drive(6))
+    odometry = VisualOdometry(CAMERA)
+    for frame in seen:
+        odometry.update(frame)
+    odometry._corners.keep(np.arange(len(odometry._corners)) % 4 == 0)
+    odometry._anchor = odometry._anchor[: len(odometry._corners)]
+    odometry._corners.inverse_depth[:] = 0.0
+    odometry._take(last, odometry._pyramid)  # finds others in the places of those that are gone
+    assert odometry._corners.variance.min() > 0.0

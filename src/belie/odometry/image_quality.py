@@ -1,13 +1,17 @@
-"""Why an image tells nothing: the reasons behind UNDECIDED."""
+"""What an image can tell: how noisy it is, and the reasons behind UNDECIDED."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from belie.geometry import compiled
 from belie.types import GrayImage
 
 _DARK_GRAY = 12.0  # mean gray value; below it a scene's shades drown in two gray levels of sensor noise
 _FLAT_GRAY = 6.0  # standard deviation: a wall, thick fog or a cover
 _FEW_CORNERS = 15
 _SAMPLE_STRIDE = 8
+_LEAST_NOISE = 0.5  # gray: values are rounded to whole ones (0.3), and compression smooths real noise away
 
 
 def why_nothing_is_seen(image: GrayImage, corners: int) -> str | None:
@@ -28,3 +32,39 @@ def why_nothing_is_seen(image: GrayImage, corners: int) -> str | None:
     if spread < _FLAT_GRAY:
         return f"blank: gray values vary by {spread:.1f} only (blank wall, fog or a covered lens)"
     return f"too few corners: {corners} (fog, motion blur or a plain scene)"
+
+
+def sensor_noise(image: GrayImage) -> float:
+    """Standard deviation of the noise of an image's pixels, gray values; never below 0.5.
+
+    What a Laplacian that ignores edges and slopes leaves (Immerkaer, "Fast noise variance estimation", CVIU 64, 1996),
+    by the median over every eighth pixel, which texture moves less than the mean.
+
+    >>> import numpy as np
+    >>> noisy = 100.0 + 4.0 * np.random.default_rng(0).standard_normal((240, 320))
+    >>> 3.5 < sensor_noise(noisy.round().astype(np.uint8)) < 4.5
+    True
+    """
+    return max(float(_median_laplacian(image, _SAMPLE_STRIDE)) / (6.0 * 0.6745), _LEAST_NOISE)
+
+
+@compiled()
+def _median_laplacian(image: Any, stride: int) -> int:
+    histogram = [0] * 2041
+    count = 0
+    for y in range(1, image.shape[0] - 1, stride):
+        for x in range(1, image.shape[1] - 1, stride):
+            value = 4 * int(image[y, x])
+            value -= 2 * (
+                int(image[y - 1, x]) + int(image[y + 1, x]) + int(image[y, x - 1]) + int(image[y, x + 1])
+            )
+            value += int(image[y - 1, x - 1]) + int(image[y - 1, x + 1])
+            value += int(image[y + 1, x - 1]) + int(image[y + 1, x + 1])
+            histogram[abs(value)] += 1
+            count += 1
+    below = 0
+    for value in range(2041):
+        below += histogram[value]
+        if 2 * below >= count:
+            return value
+    return 0

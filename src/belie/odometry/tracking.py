@@ -40,7 +40,7 @@ class TrackingSettings(Settings):
     min_eigenvalue: float = Field(
         4.0, ge=0.0,
         description="least eigenvalue of the structure tensor, a pixel's mean [gray²/px²]; sensor noise of 2 gray "
-        "levels alone gives 2",
+        "levels alone gives 2. Where too few corners are so strong (fog), twice what the image's own noise gives",
     )  # fmt: skip
 
 
@@ -253,6 +253,7 @@ def track(
     points_px: npt.NDArray[np.float64],
     predicted_px: npt.NDArray[np.float64],
     settings: TrackingSettings,
+    min_eigenvalue: float | None = None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Follow corners from one pyramid to the next.
 
@@ -262,6 +263,8 @@ def track(
         From `build_pyramid`, of equal sizes.
     points_px, predicted_px : arrays (N, 2)
         Corners in the previous image; where to start looking in the current one.
+    min_eigenvalue : float or None
+        In place of that of the settings.
 
     Returns
     -------
@@ -284,12 +287,13 @@ def track(
     start = np.asarray(points_px, dtype=np.float64)
     alive = np.asarray(np.isfinite(found).all(axis=1))
     correlation = np.zeros(len(found))
+    least = settings.min_eigenvalue if min_eigenvalue is None else min_eigenvalue
 
     def follow(part: slice) -> None:
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
             _track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
-                0.5**level, settings.iterations, settings.min_eigenvalue, level == 0,
+                0.5**level, settings.iterations, least, level == 0,
             )  # fmt: skip
 
     if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:

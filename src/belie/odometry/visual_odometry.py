@@ -6,12 +6,13 @@ import math
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
-from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.image_quality import sensor_noise, why_nothing_is_seen
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
@@ -19,6 +20,8 @@ from belie.odometry.two_view import relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
+_ENOUGH = 3 * LEAST_CORNERS  # followed corners: traffic may take two thirds of them
+_PLENTY = 3 * _ENOUGH
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
@@ -102,12 +105,12 @@ class VisualOdometry:
         self._corners = TrackedCorners()
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
+        self._least_eigenvalue = self.tracking.min_eigenvalue
         self._unit = 1.0
         self._forget_motion()
 
     def _begin_anew(self) -> None:
         """Forget motion and map: what comes has another scale."""
-        self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         self._forget_motion()
         self._map_id += 1
         self._corners = TrackedCorners()
@@ -131,7 +134,7 @@ class VisualOdometry:
         interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
-        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
+        found, verified = self._track(pyramid, predicted)  # Ψ, (6)
         tried = len(found)
         self._corners.keep(verified)
         self._anchor = self._anchor[verified]
@@ -148,7 +151,11 @@ class VisualOdometry:
         self._corners.keep(kept)
         self._anchor = self._anchor[kept]
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
-        self._unvouched = 0 if estimate.inliers else self._unvouched + 1
+        if estimate.inliers:
+            self._unvouched = 0
+            self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
+        else:
+            self._unvouched += 1
         if self._unvouched >= _MOST_UNVOUCHED:
             self._begin_anew()
         self._take(frame, pyramid)
@@ -183,6 +190,20 @@ class VisualOdometry:
         points = self._corners.predict(rays, motion)
         points[:, 2] = np.maximum(points[:, 2], 1e-3)
         return self._camera.project(points)
+
+    def _track(self, pyramid: Pyramid, predicted: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Follow strong corners where there are enough of them, weak ones too where fog leaves nothing else."""
+        corners, settings = self._corners.px, self.tracking
+        found, verified = track(self._pyramid, pyramid, corners, predicted, settings, self._least_eigenvalue)
+        if np.count_nonzero(verified) < _ENOUGH:
+            # Noise of variance s² makes eigenvalues of half that: twice as much is structure.
+            least = min(sensor_noise(pyramid[0]) ** 2, settings.min_eigenvalue)
+            if least < self._least_eigenvalue:
+                self._least_eigenvalue = least
+                found, verified = track(self._pyramid, pyramid, corners, predicted, settings, least)
+        elif np.count_nonzero(verified) > _PLENTY:
+            self._least_eigenvalue = settings.min_eigenvalue
+        return found, verified
 
     def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
         if len(found) < _LEAST_TRACKS:
@@ -327,7 +348,11 @@ class VisualOdometry:
                 occupied_px=corners.px, max_corners=missing,
             )  # fmt: skip
             fresh = self._last_features.px.astype(np.float64)
-            corners.add(fresh, corners.typical_inverse_depth())
+            # Beyond, the last step shows no parallax: who is there might as well be at infinity.
+            farthest = (
+                self._sigma_px / self._focal_px / max(float(np.linalg.norm(self._T_cur_prev.t)), self._unit)
+            )
+            corners.add(fresh, max(corners.typical_inverse_depth(), farthest))
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
