@@ -174,7 +174,7 @@ class ObjectTrack:
                 self.view = View.of(current, window_of(self.box_px))
             window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
-            fresh = local_corners(picture, window, inner, missing, self.corners_px)
+            fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])

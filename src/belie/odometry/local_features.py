@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 
-from belie.geometry import FloatArray
+from belie.geometry import FloatArray, compiled
 from belie.odometry.corner_selection import corner_scores, spread_evenly
 from belie.types import GrayImage, read_only
 
@@ -22,9 +23,37 @@ SIDE_PX = 64.0  # of an object in its window (root of the area)
 _MARGIN_PX = 26.0  # around it: half a patch, and how far a corner may stray from its prediction
 _MOST_ENLARGED = 2.0  # beyond, there is nothing but interpolation
 _LONGEST_PX = 150.0
-_FAST_THRESHOLDS = (14, 7)  # gray; the second where the first finds too few
-_LEAST_SCORE = 4.0  # gray²; sensor noise of 2 gray levels gives 2
+_FAST_THRESHOLDS = (7.0, 3.5)  # times the noise; the second where the first finds too few
+_LEAST_SCORE = 1.0  # times the variance of the noise, which alone gives half of it
+_MOST_NOISE, _LEAST_NOISE = 2.0, 0.5  # gray; beyond, patches are verified anyway; below, gray levels are rounded
+_STRIDE_PX = 8
 _SPACING_PX = 5.0
+
+
+@compiled()
+def _noise(image: Any, stride: int) -> float:
+    """Standard deviation of the sensor's noise, gray: what a Laplacian that ignores edges and slopes leaves.
+
+    Immerkaer, "Fast noise variance estimation", CVIU 64, 1996; by the median, which texture moves less than the mean.
+    """
+    histogram = np.zeros(512, np.int64)
+    count = 0
+    for y in range(1, image.shape[0] - 1, stride):
+        for x in range(1, image.shape[1] - 1, stride):
+            around = (
+                np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
+            )
+            corners = (
+                np.int64(image[y - 1, x - 1]) + image[y - 1, x + 1] + image[y + 1, x - 1] + image[y + 1, x + 1]
+            )
+            histogram[min(abs(4 * np.int64(image[y, x]) - 2 * around + corners), 511)] += 1
+            count += 1
+    below = 0
+    for value in range(512):
+        below += histogram[value]
+        if 2 * below >= count:
+            return value / (6.0 * 0.6745)
+    return 0.0
 
 
 class ImageStack:
@@ -41,6 +70,11 @@ class ImageStack:
         self._levels = [image]
         if half is not None and half.shape == (image.shape[0] // 2, image.shape[1] // 2):
             self._levels.append(half)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the sensor's noise, gray, within what corners are judged by."""
+        return float(min(max(_noise(self._levels[0], _STRIDE_PX), _LEAST_NOISE), _MOST_NOISE))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -125,7 +159,7 @@ def _fast(threshold: int) -> cv2.FastFeatureDetector:
 
 
 def local_corners(
-    picture: GrayImage, window: Window, box_px: FloatArray, wanted: int, occupied_px: FloatArray
+    picture: GrayImage, window: Window, box_px: FloatArray, wanted: int, occupied_px: FloatArray, noise: float
 ) -> FloatArray:
     """Corners inside a box, ``k^L`` of equation (7), image pixels, shape (N, 2).
 
@@ -139,6 +173,8 @@ def local_corners(
         At most so many.
     occupied_px : array (M, 2)
         Corners that are followed already, image pixels: none is found near them.
+    noise : float
+        Of the image, gray: fog leaves little contrast, but little noise, too.
     """
     low = np.maximum(window.to_window(box_px[:2] - 0.5), 4.0)
     limit = np.array([picture.shape[1], picture.shape[0]]) - 5.0
@@ -148,7 +184,7 @@ def local_corners(
         return np.empty((0, 2))
     px = np.empty((0, 2), np.float32)
     for threshold in _FAST_THRESHOLDS:
-        found = _fast(threshold).detect(picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3])
+        found = _fast(round(threshold * noise)).detect(picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3])
         if found:
             px = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2)
             px += np.array([x0 - 3, y0 - 3], np.float32)
@@ -160,7 +196,7 @@ def local_corners(
         return np.empty((0, 2))
     scores = corner_scores(picture, px)
     kept = spread_evenly(
-        px, scores, np.argsort(-scores, kind="stable"), _LEAST_SCORE, picture.shape[1], picture.shape[0], wanted,
+        px, scores, np.argsort(-scores, kind="stable"), _LEAST_SCORE * noise**2, picture.shape[1], picture.shape[0], wanted,
         _SPACING_PX, window.to_window(occupied_px.reshape(-1, 2)).astype(np.float32), _SPACING_PX,
     )  # fmt: skip
     return window.to_image(px[kept].astype(np.float64))
