@@ -9,14 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from belie.geometry import FloatArray
+from belie.geometry.boxes import longer_side
 
 LEAST_OVERLAP = (
     0.25  # of a detection and its object (IoU); 0.25 is a shift by 60 % of the side along one axis
 )
+_FOOT = 0.05  # of the side: how much a detector errs about where an object stands
 _SAME_ID = 0.3  # what an equal track id is worth, in IoU
+# Of an object that its pixels follow and a detection under another id. Edges that are each 5 % of the side off (detector
+# and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is the object behind it.
+LEAST_OVERLAP_OF_STRANGERS = 0.6
 
 
 def overlaps(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -46,6 +52,27 @@ def covered_by_others(boxes: FloatArray) -> FloatArray:
     return np.asarray(common.max(axis=1, initial=0.0) / area)
 
 
+def may_cover(
+    box: FloatArray,
+    stands: bool,
+    others: FloatArray,
+    others_stand: npt.NDArray[np.bool_],
+    least_overlap: float,
+) -> npt.NDArray[np.bool_]:
+    """Which of the others may hide a box, or be taken for the same object: not what stands behind it.
+
+    Of two that stand on the ground, the nearer one's foot is further below. Overlaps (IoU) above `least_overlap` are
+    merged by detectors, whichever is nearer.
+
+    >>> car, van = np.array([0.0, 0, 20, 20]), np.array([[10.0, -10, 40, 14]])
+    >>> may_cover(car, True, van, np.array([True]), 0.45), may_cover(van[0], True, car[None], np.array([True]), 0.45)
+    (array([False]), array([ True]))
+    """
+    foot = box[3] - _FOOT * longer_side(box)
+    behind = others_stand & stands & (others[:, 3] < foot)
+    return np.asarray(~behind | (overlaps(box[None], others)[0] > least_overlap))
+
+
 def covered(box: FloatArray, others: FloatArray) -> float:
     """Largest share of a box that one of the others covers.
 
@@ -60,9 +87,10 @@ def covered(box: FloatArray, others: FloatArray) -> float:
 
 
 def assign(
-    boxes: FloatArray, ids: Sequence[str], detected: FloatArray, detected_ids: Sequence[str]
-) -> dict[int, int]:
-    """Object to detection, each at most once.
+    boxes: FloatArray, ids: Sequence[str], detected: FloatArray, detected_ids: Sequence[str],
+    followed: Sequence[bool] | None = None,
+) -> dict[int, int]:  # fmt: skip
+    """Object to detection, each at most once; `followed`: whether its pixels tell where an object is.
 
     >>> here = np.array([[0.0, 0, 10, 10], [30, 0, 40, 10]])
     >>> assign(here, ["1", "2"], here[::-1] + 1.0, ["2", "9"])
@@ -72,9 +100,13 @@ def assign(
         return {}
     iou = overlaps(boxes, detected)
     same = np.array([[bool(i) and i == j for j in detected_ids] for i in ids])
-    rows, columns = linear_sum_assignment(iou + _SAME_ID * (same & (iou > 0.05)), maximize=True)
-    return {
-        int(r): int(c)
-        for r, c in zip(rows, columns, strict=True)
-        if iou[r, c] >= (0.05 if same[r, c] else LEAST_OVERLAP)
-    }
+    strange = np.array(
+        [
+            [bool(f and i and j and i != j) for j in detected_ids]
+            for i, f in zip(ids, followed or [False] * len(ids), strict=True)
+        ]
+    )
+    least = np.where(same, 0.05, np.where(strange, LEAST_OVERLAP_OF_STRANGERS, LEAST_OVERLAP))
+    fits = iou >= least
+    rows, columns = linear_sum_assignment(np.where(fits, iou + _SAME_ID * same, 0.0), maximize=True)
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if fits[r, c]}

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from belie.checks.objects import ErrorTest, ObjectSettings, PhantomTest
+from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
+from belie.geometry.boxes import longer_side
 from belie.odometry.local_features import ImageStack, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
@@ -62,6 +63,7 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    cover: CoverHabit = field(default_factory=CoverHabit)
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
@@ -219,16 +221,6 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     left, top, right, bottom = box_px.tolist()
     size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
     return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
-
-
-def longer_side(box_px: FloatArray) -> float:
-    """Of a box, px.
-
-    >>> longer_side(np.array([0.0, 0.0, 10.0, 20.0]))
-    20.0
-    """
-    left, top, right, bottom = box_px.tolist()
-    return float(max(right - left, bottom - top))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:

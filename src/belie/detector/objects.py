@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
-from belie.detector.association import assign, covered, covered_by_others, overlaps
-from belie.detector.object_track import ObjectTrack, in_view, longer_side
+from belie.detector.association import assign, covered, covered_by_others, may_cover
+from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import projected_box_px
+from belie.geometry.boxes import longer_side, projected_box_px
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import (
@@ -37,9 +37,7 @@ _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be w
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
-_NEWLY = 0.15  # of its box: growth of the cover that may be an occlusion
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
-_FOOT = 0.05  # of the side: how much a detector errs about where an object stands
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -124,7 +122,11 @@ class ObjectStream:
         told = [(d, box) for d in claim.detections if (box := self._box(d)) is not None]
         boxes = np.array([box for _, box in told]).reshape(-1, 4)
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
-        found = assign(then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told])
+        ids = [t.track_id for t in self.tracks]
+        followed = [
+            t.motion is not None and t.motion.error_px2 is not None and not t.is_soft for t in self.tracks
+        ]
+        found = assign(then, ids, boxes, [d.track_id for d, _ in told], followed)
         self.crowd += 0.05 * (len(self.tracks) - self.crowd)
         standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         for i, track in enumerate(self.tracks):
@@ -135,6 +137,10 @@ class ObjectStream:
             track, detection = self.tracks[i], told[j][0]
             self._present(track, detection, boxes[j], claim.stamp_ns, owners.get(detection.track_id), current)
             track.cover_then = float(cover[j])
+            others, stand = np.delete(boxes, j, axis=0), np.delete(standing, j)
+            hides = may_cover(boxes[j], bool(standing[j]), others, stand, _MERGED)
+            if (hidden := covered(boxes[j], others[hides])) > self.settings.most_covered:
+                track.cover.tell(hidden)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
 
@@ -169,21 +175,13 @@ class ObjectStream:
         size: tuple[int, int],
     ) -> None:  # fmt: skip
         here = track.box_at(stamp_ns)
-        cover = covered(here, boxes)
-        merged = len(boxes) > 0 and float(overlaps(here[None], boxes).max()) > _MERGED
-        fair = track.absence(size, self.settings)
-        if not fair and cover > self.settings.most_covered and (merged or cover > track.cover_then + _NEWLY):
-            fair = "covered by another detection"
-        if not fair and track.group in _STANDING:
-            # Of two that stand on the ground, the nearer one's foot is further below.
-            nearer = boxes[standing & (boxes[:, 3] > here[3] + _FOOT * longer_side(here))]
-            if covered(here, nearer) > self.settings.most_covered:
-                fair = "behind a nearer detection"
-        if fair:
+        cover = covered(here, boxes[may_cover(here, track.group in _STANDING, boxes, standing, _MERGED)])
+        miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
+        if miss is None or track.absence(size, self.settings):
             track.hiding.excuse()
         else:
             track.hiding.wrong(
-                self.interval_s, self._threshold("hiding"), stamp_ns, longer_side(track.box_px)
+                self.interval_s, self._threshold("hiding"), stamp_ns, longer_side(track.box_px), covered=miss
             )
 
     def _present(

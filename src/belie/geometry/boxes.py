@@ -134,3 +134,13 @@ def _in_front(corners: FloatArray, samples: int) -> FloatArray:
     a, b = a[crosses], b[crosses]
     share = (_NEAR_M - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
     return np.concatenate([along[along[:, 2] >= _NEAR_M], a + share * (b - a)])
+
+
+def longer_side(box_px: FloatArray) -> float:
+    """Of a box, px.
+
+    >>> longer_side(np.array([0.0, 0.0, 10.0, 20.0]))
+    20.0
+    """
+    left, top, right, bottom = box_px.tolist()
+    return float(max(right - left, bottom - top))

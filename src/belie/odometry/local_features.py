@@ -25,7 +25,10 @@ _MOST_ENLARGED = 2.0  # beyond, there is nothing but interpolation
 _LONGEST_PX = 150.0
 _FAST_THRESHOLDS = (7.0, 3.5)  # times the noise; the second where the first finds too few
 _LEAST_SCORE = 1.0  # times the variance of the noise, which alone gives half of it
-_MOST_NOISE, _LEAST_NOISE = 2.0, 0.5  # gray; beyond, patches are verified anyway; below, gray levels are rounded
+_MOST_NOISE, _LEAST_NOISE = (
+    2.0,
+    0.5,
+)  # gray; beyond, patches are verified anyway; below, gray levels are rounded
 _STRIDE_PX = 8
 _SPACING_PX = 5.0
 
@@ -40,11 +43,12 @@ def _noise(image: Any, stride: int) -> float:
     count = 0
     for y in range(1, image.shape[0] - 1, stride):
         for x in range(1, image.shape[1] - 1, stride):
-            around = (
-                np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
-            )
+            around = np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
             corners = (
-                np.int64(image[y - 1, x - 1]) + image[y - 1, x + 1] + image[y + 1, x - 1] + image[y + 1, x + 1]
+                np.int64(image[y - 1, x - 1])
+                + image[y - 1, x + 1]
+                + image[y + 1, x - 1]
+                + image[y + 1, x + 1]
             )
             histogram[min(abs(4 * np.int64(image[y, x]) - 2 * around + corners), 511)] += 1
             count += 1
