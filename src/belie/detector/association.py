@@ -6,7 +6,7 @@ the life cycle is the check. What is left is an assignment, and scipy solves it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +20,10 @@ LEAST_OVERLAP = (
 )
 _FOOT = 0.05  # of the side: how much a detector errs about where an object stands
 _SAME_ID = 0.3  # what an equal track id is worth, in IoU
-# Of an object that its pixels follow and a detection under another id. Edges that are each 5 % of the side off (detector
-# and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is the object behind it.
-LEAST_OVERLAP_OF_STRANGERS = 0.6
+# Of an object and a detection under another id that does not hold its corners. Edges that are each 5 % of the side off
+# (detector and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is what stands behind.
+_LEAST_OF_STRANGERS = 0.6
+_MOST_CORNERS = 0.9  # share of an object's corners that lie in its box
 
 
 def overlaps(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -88,25 +89,26 @@ def covered(box: FloatArray, others: FloatArray) -> float:
 
 def assign(
     boxes: FloatArray, ids: Sequence[str], detected: FloatArray, detected_ids: Sequence[str],
-    followed: Sequence[bool] | None = None,
+    held: Callable[[int, FloatArray], float] = lambda _, __: 1.0,
 ) -> dict[int, int]:  # fmt: skip
-    """Object to detection, each at most once; `followed`: whether its pixels tell where an object is.
+    """Object to detection, each at most once; `held`: share of an object's corners that lie in a box.
+
+    A detection under another id may be the object behind a hidden one.
 
     >>> here = np.array([[0.0, 0, 10, 10], [30, 0, 40, 10]])
     >>> assign(here, ["1", "2"], here[::-1] + 1.0, ["2", "9"])
     {0: 1, 1: 0}
+    >>> assign(here, ["1", "2"], here + 3.0, ["9", "2"], lambda _, __: 0.5)
+    {1: 1}
     """
     if len(boxes) == 0 or len(detected) == 0:
         return {}
     iou = overlaps(boxes, detected)
     same = np.array([[bool(i) and i == j for j in detected_ids] for i in ids])
-    strange = np.array(
-        [
-            [bool(f and i and j and i != j) for j in detected_ids]
-            for i, f in zip(ids, followed or [False] * len(ids), strict=True)
-        ]
-    )
-    least = np.where(same, 0.05, np.where(strange, LEAST_OVERLAP_OF_STRANGERS, LEAST_OVERLAP))
+    least = np.where(same, 0.05, LEAST_OVERLAP)
+    for r, c in zip(*np.nonzero((iou >= LEAST_OVERLAP) & (iou < _LEAST_OF_STRANGERS) & ~same), strict=True):
+        if ids[r] and detected_ids[c] and held(int(r), detected[c]) < _MOST_CORNERS:
+            least[r, c] = _LEAST_OF_STRANGERS
     fits = iou >= least
     rows, columns = linear_sum_assignment(np.where(fits, iou + _SAME_ID * same, 0.0), maximize=True)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if fits[r, c]}

@@ -22,6 +22,7 @@ _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain 
 _PROVEN = 2  # detections
 _LEAST_CORNERS = 4
 _SPREAD = 0.9
+_EDGE = 0.1  # of the side: two standard deviations of a detected edge
 _LEAD = 0.3
 
 
@@ -118,6 +119,14 @@ class ObjectTrack:
             return self.history[-1][1]
         return min(self.history, key=lambda entry: abs(entry[0] - stamp_ns))[1]
 
+    def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
+        """Share of its proven corners in a box that was told when its own was `own_px`; 1 if there are too few."""
+        places = self.places[self.ages >= _PROVEN]
+        if len(places) < _LEAST_CORNERS or self.motion is None or self.motion.error_px2 is None:
+            return 1.0
+        px = own_px[:2] - 0.5 + places * (own_px[2:] - own_px[:2])
+        return float((np.abs(places_in(box_px, px) - 0.5) < 0.5 + _EDGE).all(axis=1).mean())
+
     @property
     def group(self) -> str:
         """What it is: the group of labels that most detections, by weight, gave it."""
@@ -165,8 +174,16 @@ class ObjectTrack:
             self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
         self.told_middle = middle
 
-    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
-        """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
+    def distrust(self, covers: FloatArray) -> None:
+        """Corners in boxes that may cover it are those of the nearer object: none of them speaks for this one."""
+        if len(covers):
+            self.ages = np.where(_inside(self.corners_px, covers), 0, self.ages)
+
+    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+        """Drop corners that do not ride with the box, and find new ones; only while it is detected.
+
+        `covers`: boxes (N, 4) of others that may cover it.
+        """
         places = self._places_of(self.corners_px)
         rides = (np.abs(places - self.places) < _RIDES).all(axis=1)
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
@@ -177,6 +194,7 @@ class ObjectTrack:
             window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
             fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
+            fresh = fresh[~_inside(fresh, covers)]
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
@@ -185,6 +203,7 @@ class ObjectTrack:
             self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
+        self.distrust(covers)
         self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
@@ -221,6 +240,11 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     left, top, right, bottom = box_px.tolist()
     size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
     return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
+
+
+def _inside(px: FloatArray, boxes: FloatArray) -> npt.NDArray[np.bool_]:
+    low, high = boxes[None, :, :2] - 0.5, boxes[None, :, 2:] - 0.5
+    return np.asarray(((px[:, None] > low) & (px[:, None] < high)).all(axis=2).any(axis=1))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:

@@ -123,10 +123,13 @@ class ObjectStream:
         boxes = np.array([box for _, box in told]).reshape(-1, 4)
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         ids = [t.track_id for t in self.tracks]
-        followed = [
-            t.motion is not None and t.motion.error_px2 is not None and not t.is_soft for t in self.tracks
-        ]
-        found = assign(then, ids, boxes, [d.track_id for d, _ in told], followed)
+        found = assign(
+            then,
+            ids,
+            boxes,
+            [d.track_id for d, _ in told],
+            lambda i, box: self.tracks[i].share_in(box, then[i]),
+        )
         self.crowd += 0.05 * (len(self.tracks) - self.crowd)
         standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         for i, track in enumerate(self.tracks):
@@ -135,14 +138,14 @@ class ObjectStream:
         owners, cover = {self.tracks[i].track_id: self.tracks[i] for i in found}, covered_by_others(boxes)
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
-            self._present(track, detection, boxes[j], claim.stamp_ns, owners.get(detection.track_id), current)
+            covers = _covers(j, boxes, standing)
+            owner = owners.get(detection.track_id)
+            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, covers)
             track.cover_then = float(cover[j])
-            others, stand = np.delete(boxes, j, axis=0), np.delete(standing, j)
-            hides = may_cover(boxes[j], bool(standing[j]), others, stand, _MERGED)
-            if (hidden := covered(boxes[j], others[hides])) > self.settings.most_covered:
+            if (hidden := covered(boxes[j], covers)) > self.settings.most_covered:
                 track.cover.tell(hidden)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
-            self._meet(told[j][0], boxes[j], claim.stamp_ns, current)
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, _covers(j, boxes, standing))
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
@@ -175,7 +178,9 @@ class ObjectStream:
         size: tuple[int, int],
     ) -> None:  # fmt: skip
         here = track.box_at(stamp_ns)
-        cover = covered(here, boxes[may_cover(here, track.group in _STANDING, boxes, standing, _MERGED)])
+        covers = boxes[may_cover(here, track.group in _STANDING, boxes, standing, _MERGED)]
+        track.distrust(covers)
+        cover = covered(here, covers)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         if miss is None or track.absence(size, self.settings):
             track.hiding.excuse()
@@ -186,7 +191,7 @@ class ObjectStream:
 
     def _present(
         self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
-        current: ImageStack,
+        current: ImageStack, covers: FloatArray,
     ) -> None:  # fmt: skip
         s = self.settings
         known = track.weight >= s.established
@@ -222,7 +227,7 @@ class ObjectStream:
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
-        track.renew(current, s, self.scene.frame)
+        track.renew(current, s, self.scene.frame, covers)
         if track.is_soft and not track.naming.errors:
             track.likeness.learn(current, track.box_px)
 
@@ -246,7 +251,9 @@ class ObjectStream:
         sure = track.weight >= self.settings.established
         track.phantom.add(*told, self._threshold("injection"), stamp_ns, sure=sure)
 
-    def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack) -> None:
+    def _meet(
+        self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
+    ) -> None:
         if len(self.tracks) >= self.settings.most_objects:
             return
         self._made += 1
@@ -265,7 +272,7 @@ class ObjectStream:
         )
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
-        track.renew(current, self.settings, self.scene.frame)
+        track.renew(current, self.settings, self.scene.frame, covers)
         self.tracks.append(track)
 
     # -- answers -------------------------------------------------------------------------------------
@@ -459,6 +466,12 @@ class ObjectStage:
 
 def _as_gray(image: GrayImage) -> GrayImage:
     return np.ascontiguousarray(image)
+
+
+def _covers(j: int, boxes: FloatArray, standing: npt.NDArray[np.bool_]) -> FloatArray:
+    """The boxes of those that may cover object j of a message."""
+    others, stand = np.delete(boxes, j, axis=0), np.delete(standing, j)
+    return np.asarray(others[may_cover(boxes[j], bool(standing[j]), others, stand, _MERGED)])
 
 
 def _weight(score: float) -> float:
