@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 _KEPT = 100  # messages
+_JITTER = 0.05  # of the box: what the errors of detected edges make of its cover
 
 
 @dataclass(slots=True)
@@ -25,7 +26,7 @@ class CoverHabit:
     ...     habit.tell(0.5)
     >>> [round(habit.miss(0.5), 3) for _ in range(3)]
     [0.083, 0.12, 0.154]
-    >>> habit.miss(0.6) is None
+    >>> habit.miss(0.7) is None
     True
     """
 
@@ -39,10 +40,10 @@ class CoverHabit:
     def miss(self, cover: float) -> float | None:
         """It was not; the probability of that because of its cover, None if it was never told of with that much.
 
-        Laplace's rule of succession: of the messages in which it was covered at least as much it was told of in n; it was
-        missed in m while covered no more. Before any of them, every probability of a miss is equally likely.
+        Laplace's rule of succession: it was told of n times while it was covered at least as much, and missed m times
+        while it was covered no more. Before any of them, every probability of a miss is equally likely.
         """
-        told = sum(other >= cover for other in self.told)
-        missed = sum(other <= cover for other in self.missed)
+        told = sum(other >= cover - _JITTER for other in self.told)
+        missed = sum(other <= cover + _JITTER for other in self.missed)
         self.missed.append(cover)
         return (missed + 1) / (told + missed + 2) if told else None
