@@ -64,6 +64,9 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    covers: FloatArray = field(
+        default_factory=lambda: np.empty((0, 4))
+    )  # that may hide it, at the last message
     cover: CoverHabit = field(default_factory=CoverHabit)
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
@@ -85,19 +88,22 @@ class ObjectTrack:
         step_s = (stamp_ns - self.history[-1][0]) * 1e-9 if self.history else 0.0
         if self.speed_px_s is not None and self.is_soft:
             self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
+        leads = self._leads() if self.hiding.length else None
         motion = follow_object(
-            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
+            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings, leads
         )
         self.motion, self.view, self.told_px = motion, motion.view, None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
-        leads = (
+        is_led = (
             self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
         )
-        if motion.error_px2 is not None and leads:
+        if motion.error_px2 is not None and is_led:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
             self.shift_px = motion.shift_px
-        self.box_px = motion.box_px if leads else motion.predicted_box_px
+        else:
+            self.growth = 1.0  # what is not seen to grow may be covered: it must not fill the image
+        self.box_px = motion.box_px if is_led else motion.predicted_box_px
         self.corners_px = motion.found_px
         self._keep(motion.agreeing, self.ages)
         self.contrast = motion.contrast
@@ -135,7 +141,11 @@ class ObjectTrack:
     @property
     def proven(self) -> int:
         """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
-        return int(np.count_nonzero(self.ages >= _PROVEN))
+        return int(np.count_nonzero(self._leads()))
+
+    def _leads(self) -> npt.NDArray[np.bool_]:
+        proven = self.ages >= _PROVEN
+        return proven & ~_inside(self.corners_px, self.covers) if len(self.covers) else proven
 
     @property
     def is_soft(self) -> bool:
@@ -174,19 +184,32 @@ class ObjectTrack:
             self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
         self.told_middle = middle
 
-    def distrust(self, covers: FloatArray) -> None:
-        """Corners in boxes that may cover it are those of the nearer object: none of them speaks for this one."""
-        if len(covers):
-            self.ages = np.where(_inside(self.corners_px, covers), 0, self.ages)
-
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
-        """Drop corners that do not ride with the box, and find new ones; only while it is detected.
+        """It was told of: drop corners that do not ride with the box, and find new ones.
 
-        `covers`: boxes (N, 4) of others that may cover it.
+        `covers`: boxes (N, 4) of others that may cover it; corners in them are those of the nearer object.
         """
         places = self._places_of(self.corners_px)
         rides = (np.abs(places - self.places) < _RIDES).all(axis=1)
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
+        self.covers = covers
+        self._search(current, settings, frame)
+        self.ages[_inside(self.corners_px, covers)] = 0
+        self.told_before = None if self.told_px is None else (frame, self.told_px)
+        self.corners_then = self.proven
+        self.contrast_then = self.contrast
+
+    def miss(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+        """It was not told of: corners that move as those that spoke for it till now speak for it, too.
+
+        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them.
+        """
+        self.covers = covers
+        if self.proven >= _LEAST_CORNERS:
+            self.ages = self.ages + 1
+            self._search(current, settings, frame)
+
+    def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
         if missing > settings.corners // 4:
             if self.view is None or not self.view.fits(self.box_px):
@@ -194,7 +217,7 @@ class ObjectTrack:
             window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
             fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
-            fresh = fresh[~_inside(fresh, covers)]
+            fresh = fresh[~_inside(fresh, self.covers)]
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
@@ -203,10 +226,6 @@ class ObjectTrack:
             self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
-        self.distrust(covers)
-        self.told_before = None if self.told_px is None else (frame, self.told_px)
-        self.corners_then = self.proven
-        self.contrast_then = self.contrast
 
     def absence(self, size: tuple[int, int], settings: ObjectSettings) -> str:
         """Why its absence from a message may be fair; empty where its pixels say that it is there."""

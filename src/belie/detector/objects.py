@@ -134,7 +134,7 @@ class ObjectStream:
         standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         for i, track in enumerate(self.tracks):
             if i not in found:
-                self._absent(track, claim.stamp_ns, boxes, standing, current.size)
+                self._absent(track, claim.stamp_ns, boxes, standing, current)
         owners, cover = {self.tracks[i].track_id: self.tracks[i] for i in found}, covered_by_others(boxes)
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
@@ -175,14 +175,14 @@ class ObjectStream:
 
     def _absent(
         self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, standing: npt.NDArray[np.bool_],
-        size: tuple[int, int],
+        current: ImageStack,
     ) -> None:  # fmt: skip
         here = track.box_at(stamp_ns)
         covers = boxes[may_cover(here, track.group in _STANDING, boxes, standing, _MERGED)]
-        track.distrust(covers)
+        track.miss(current, self.settings, self.scene.frame, covers)
         cover = covered(here, covers)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
-        if miss is None or track.absence(size, self.settings):
+        if miss is None or track.absence(current.size, self.settings):
             track.hiding.excuse()
         else:
             track.hiding.wrong(
