@@ -227,8 +227,11 @@ class ObjectTrack:
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
 
-    def absence(self, size: tuple[int, int], settings: ObjectSettings) -> str:
-        """Why its absence from a message may be fair; empty where its pixels say that it is there."""
+    def absence(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool = True) -> str:
+        """Why its absence from a message may be fair; empty where its pixels say that it is there.
+
+        `by_boxes`: do not believe corners in boxes of others that may cover it.
+        """
         if self.weight < settings.established:
             return "not yet established"
         side = longer_side(self.box_px)
@@ -238,7 +241,7 @@ class ObjectTrack:
             return "leaving the view"
         if self.corners_then < _LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
-        proven = self.proven
+        proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
         there = proven / self.corners_then
         if there < settings.least_present or proven < _LEAST_CORNERS:
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"

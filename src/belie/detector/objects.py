@@ -182,9 +182,10 @@ class ObjectStream:
         track.miss(current, self.settings, self.scene.frame, covers)
         cover = covered(here, covers)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
-        if miss is None or track.absence(current.size, self.settings):
+        if track.absence(current.size, self.settings, by_boxes=False):
             track.hiding.excuse()
-        else:
+        elif miss is not None and not track.absence(current.size, self.settings):
+            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
                 self.interval_s, self._threshold("hiding"), stamp_ns, longer_side(track.box_px), covered=miss
             )
