@@ -11,7 +11,7 @@ import numpy.typing as npt
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
-from belie.geometry.boxes import longer_side
+from belie.geometry.boxes import inside, longer_side
 from belie.odometry.local_features import ImageStack, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
@@ -22,6 +22,8 @@ _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain 
 _PROVEN = 2  # detections
 _LEAST_CORNERS = 4
 _SPREAD = 0.9
+_LOST = 2  # corners
+_RESTS = 4  # frames
 _EDGE = 0.1  # of the side: two standard deviations of a detected edge
 _LEAD = 0.3
 
@@ -64,6 +66,7 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    searched: tuple[int, int] = (0, -_RESTS)  # corners after the last search, and its frame count
     covers: FloatArray = field(
         default_factory=lambda: np.empty((0, 4))
     )  # that may hide it, at the last message
@@ -145,7 +148,7 @@ class ObjectTrack:
 
     def _leads(self) -> npt.NDArray[np.bool_]:
         proven = self.ages >= _PROVEN
-        return proven & ~_inside(self.corners_px, self.covers) if len(self.covers) else proven
+        return proven & ~inside(self.corners_px, self.covers)
 
     @property
     def is_soft(self) -> bool:
@@ -194,7 +197,7 @@ class ObjectTrack:
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
         self.covers = covers
         self._search(current, settings, frame)
-        self.ages[_inside(self.corners_px, covers)] = 0
+        self.ages[inside(self.corners_px, covers)] = 0
         self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
@@ -211,13 +214,16 @@ class ObjectTrack:
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
-        if missing > settings.corners // 4:
+        # Where the last search found all there is, another one does so only when some are lost, or after a while.
+        again = len(self.corners_px) < self.searched[0] - _LOST or frame >= self.searched[1] + _RESTS
+        if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
             window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
             fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
-            fresh = fresh[~_inside(fresh, self.covers)]
+            fresh = fresh[~inside(fresh, self.covers)]
+            self.searched = len(self.corners_px) + len(fresh), frame
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
@@ -262,11 +268,6 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     left, top, right, bottom = box_px.tolist()
     size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
     return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
-
-
-def _inside(px: FloatArray, boxes: FloatArray) -> npt.NDArray[np.bool_]:
-    low, high = boxes[None, :, :2] - 0.5, boxes[None, :, 2:] - 0.5
-    return np.asarray(((px[:, None] > low) & (px[:, None] < high)).all(axis=2).any(axis=1))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.alerts import Judgement
-from belie.detector.association import assign, covered, covered_by_others, may_cover
+from belie.detector.association import assign
+from belie.detector.covering import Covering
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
@@ -36,7 +36,6 @@ _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
-_MERGED = 0.45  # overlap (IoU) at which detectors take two boxes for one
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
@@ -122,30 +121,34 @@ class ObjectStream:
         told = [(d, box) for d in claim.detections if (box := self._box(d)) is not None]
         boxes = np.array([box for _, box in told]).reshape(-1, 4)
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
-        ids = [t.track_id for t in self.tracks]
         found = assign(
-            then,
-            ids,
-            boxes,
-            [d.track_id for d, _ in told],
+            then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
-        )
+        )  # fmt: skip
         self.crowd += 0.05 * (len(self.tracks) - self.crowd)
-        standing = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
-        for i, track in enumerate(self.tracks):
-            if i not in found:
-                self._absent(track, claim.stamp_ns, boxes, standing, current)
-        owners, cover = {self.tracks[i].track_id: self.tracks[i] for i in found}, covered_by_others(boxes)
+        stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
+        lost = [i for i in range(len(self.tracks)) if i not in found]
+        lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
+        covering = Covering.of(then[lost], lost_stand, boxes, stand)
+        for k, i in enumerate(lost):
+            self._absent(
+                self.tracks[i], claim.stamp_ns, boxes[covering.which[k]], float(covering.share[k]), current
+            )
+        owners, covering = (
+            {self.tracks[i].track_id: self.tracks[i] for i in found},
+            Covering.among(boxes, stand),
+        )
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
-            covers = _covers(j, boxes, standing)
             owner = owners.get(detection.track_id)
-            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, covers)
-            track.cover_then = float(cover[j])
-            if (hidden := covered(boxes[j], covers)) > self.settings.most_covered:
-                track.cover.tell(hidden)
+            self._present(
+                track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j]]
+            )
+            track.cover_then = float(covering.by_any[j])
+            if covering.share[j] > self.settings.most_covered:
+                track.cover.tell(float(covering.share[j]))
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
-            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, _covers(j, boxes, standing))
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j]])
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
@@ -174,13 +177,9 @@ class ObjectStream:
         return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
 
     def _absent(
-        self, track: ObjectTrack, stamp_ns: int, boxes: FloatArray, standing: npt.NDArray[np.bool_],
-        current: ImageStack,
-    ) -> None:  # fmt: skip
-        here = track.box_at(stamp_ns)
-        covers = boxes[may_cover(here, track.group in _STANDING, boxes, standing, _MERGED)]
+        self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
+    ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers)
-        cover = covered(here, covers)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         if track.absence(current.size, self.settings, by_boxes=False):
             track.hiding.excuse()
@@ -467,12 +466,6 @@ class ObjectStage:
 
 def _as_gray(image: GrayImage) -> GrayImage:
     return np.ascontiguousarray(image)
-
-
-def _covers(j: int, boxes: FloatArray, standing: npt.NDArray[np.bool_]) -> FloatArray:
-    """The boxes of those that may cover object j of a message."""
-    others, stand = np.delete(boxes, j, axis=0), np.delete(standing, j)
-    return np.asarray(others[may_cover(boxes[j], bool(standing[j]), others, stand, _MERGED)])
 
 
 def _weight(score: float) -> float:
