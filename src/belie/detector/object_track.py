@@ -66,7 +66,10 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
-    searched: tuple[int, int] = (0, -_RESTS)  # corners after the last search, and its frame count
+    searched: tuple[int, int] = (
+        0,
+        0,
+    )  # corners after the last search, and the frame count when another may find more
     covers: FloatArray = field(
         default_factory=lambda: np.empty((0, 4))
     )  # that may hide it, at the last message
@@ -215,7 +218,7 @@ class ObjectTrack:
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
         # Where the last search found all there is, another one does so only when some are lost, or after a while.
-        again = len(self.corners_px) < self.searched[0] - _LOST or frame >= self.searched[1] + _RESTS
+        again = len(self.corners_px) < self.searched[0] - _LOST or frame >= self.searched[1]
         if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
@@ -223,7 +226,7 @@ class ObjectTrack:
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
             fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
             fresh = fresh[~inside(fresh, self.covers)]
-            self.searched = len(self.corners_px) + len(fresh), frame
+            self.searched = len(self.corners_px) + len(fresh), frame + (1 if len(fresh) else _RESTS)
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
@@ -250,6 +253,8 @@ class ObjectTrack:
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
         there = proven / self.corners_then
         if there < settings.least_present or proven < _LEAST_CORNERS:
+            if self.is_soft:  # some are lost in every image: that tells nothing
+                return f"too few corners on it: {proven} of {self.corners_then} are found again"
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
         if self.contrast < settings.least_contrast * self.contrast_then:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"

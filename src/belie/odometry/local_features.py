@@ -8,7 +8,7 @@ corners, and cost the same.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any
 
@@ -29,7 +29,7 @@ _MOST_NOISE, _LEAST_NOISE = (
     2.0,
     0.5,
 )  # gray; beyond, patches are verified anyway; below, gray levels are rounded
-_STRIDE_PX = 8
+_SAMPLES = 5000  # of the image, that tell its noise within 2 %
 _SPACING_PX = 5.0
 
 
@@ -78,7 +78,8 @@ class ImageStack:
     @cached_property
     def noise(self) -> float:
         """Standard deviation of the sensor's noise, gray, within what corners are judged by."""
-        return float(min(max(_noise(self._levels[0], _STRIDE_PX), _LEAST_NOISE), _MOST_NOISE))
+        stride = max(1, round(math.sqrt(self._levels[0].size / _SAMPLES)))
+        return float(min(max(_noise(self._levels[0], stride), _LEAST_NOISE), _MOST_NOISE))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -97,6 +98,33 @@ class ImageStack:
         return self._levels[k]
 
 
+@compiled(reassociate=True)
+def _resampled(picture: Any, left: float, top: float, dx: float, dy: float, height: int, width: int) -> Any:
+    """Pixels (top + i dy, left + j dx) of a picture, between its own by linear interpolation; its border goes on."""
+    columns = np.empty(width, np.int64)
+    weights = np.empty(width, np.int32)
+    last = picture.shape[1] - 1
+    for j in range(width):
+        x = min(max(left + j * dx, 0.0), float(last))
+        columns[j] = min(int(x), last - 1)
+        weights[j] = int((x - columns[j]) * 256.0 + 0.5)
+    x0, x1 = columns[0], columns[width - 1] + 2
+    columns -= x0
+    row = np.empty(x1 - x0, np.int32)
+    out = np.empty((height, width), np.uint8)
+    for i in range(height):
+        y = min(max(top + i * dy, 0.0), float(picture.shape[0] - 1))
+        y0 = min(int(y), picture.shape[0] - 2)
+        v = np.int32(int((y - y0) * 256.0 + 0.5))
+        above, below = picture[y0, x0:x1], picture[y0 + 1, x0:x1]
+        for k in range(x1 - x0):  # vector code; the loop below has to gather
+            row[k] = np.int32(above[k]) * (np.int32(256) - v) + np.int32(below[k]) * v
+        for j in range(width):
+            k, w = columns[j], weights[j]
+            out[i, j] = (row[k] * (np.int32(256) - w) + row[k + 1] * w + np.int32(32768)) >> np.int32(16)
+    return out
+
+
 @dataclass(frozen=True, slots=True)
 class Window:
     """A piece of the image around an object, at a scale of its own.
@@ -109,21 +137,21 @@ class Window:
     scale: float
     shape: tuple[int, int]
 
+    origin_px: FloatArray = field(init=False)  # where image pixel (0, 0) lies in the window
+
+    def __post_init__(self) -> None:
+        x, y = self.centre_px.tolist()
+        height, width = self.shape
+        left, top = (0.5 - x) * self.scale + 0.5 * width - 0.5, (0.5 - y) * self.scale + 0.5 * height - 0.5
+        object.__setattr__(self, "origin_px", np.array([left, top]))
+
     def to_window(self, px: FloatArray) -> FloatArray:
         """Image pixels to window pixels; pixel centres at integers in both."""
-        return np.asarray(px * self.scale + self._origin())
+        return np.asarray(px * self.scale + self.origin_px)
 
     def to_image(self, px: FloatArray) -> FloatArray:
         """Window pixels to image pixels."""
-        return np.asarray((px - self._origin()) / self.scale)
-
-    def _origin(self) -> FloatArray:
-        """Where image pixel (0, 0) lies in the window."""
-        x, y = self.centre_px.tolist()
-        height, width = self.shape
-        return np.array(
-            [(0.5 - x) * self.scale + 0.5 * width - 0.5, (0.5 - y) * self.scale + 0.5 * height - 0.5]
-        )
+        return np.asarray((px - self.origin_px) / self.scale)
 
     def cut(self, stack: ImageStack) -> GrayImage:
         """The window's picture; beyond the image its border goes on."""
@@ -136,12 +164,7 @@ class Window:
         height, width = self.shape
         left = ((0.5 - 0.5 * width) / self.scale + x) * a - 0.5
         top = ((0.5 - 0.5 * height) / self.scale + y) * b - 0.5
-        m = np.array([[a / self.scale, 0.0, left], [0.0, b / self.scale, top]])
-        window = cv2.warpAffine(
-            picture, m, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
-        return read_only(np.asarray(window, dtype=np.uint8))
+        return read_only(_resampled(picture, left, top, a / self.scale, b / self.scale, height, width))
 
 
 def window_of(box_px: FloatArray) -> Window:
