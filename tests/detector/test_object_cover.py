@@ -56,9 +56,7 @@ def watch(things, frames, *, noise=1.5, jitter=1.0, backdrop=None):
                 told.append(Detection(label=thing.label, score=0.9, track_id=thing.name, box_px=box))
         image = np.clip(np.round(image + rng.normal(0.0, noise, image.shape)), 0, 255).astype(np.uint8)
         now = k * FRAME_NS
-        claim = DetectionClaim(
-            source="/detections", stamp_ns=now, received_ns=now, detections=tuple(told)
-        )
+        claim = DetectionClaim(source="/detections", stamp_ns=now, received_ns=now, detections=tuple(told))
         stage.take((claim,), now)
         judgements = stage.update(Frame(camera="/image", stamp_ns=now, received_ns=now, image=image))
         alerts += [(k, a.type.value, a.object) for a in book.raise_new(judgements, now)]
@@ -90,7 +88,10 @@ def test_fog_hides_nothing_while_the_image_is_clean():
     assert "too few corners" in results[25]["hiding"].reason
 
 
-FAR, NEAR = stand(180, 130, 260, 180), stand(222, 125, 320, 210)  # the near one covers 48 % of the far one's box
+FAR, NEAR = (
+    stand(180, 130, 260, 180),
+    stand(222, 125, 320, 210),
+)  # the near one covers 48 % of the far one's box
 
 
 def test_an_object_that_was_told_of_while_covered_as_much_is_missed():

@@ -151,7 +151,7 @@ class ObjectTrack:
 
     def _leads(self) -> npt.NDArray[np.bool_]:
         proven = self.ages >= _PROVEN
-        return proven & ~inside(self.corners_px, self.covers)
+        return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
     @property
     def is_soft(self) -> bool:

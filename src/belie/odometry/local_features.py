@@ -222,8 +222,9 @@ def local_corners(
     if len(px) == 0:
         return np.empty((0, 2))
     scores = corner_scores(picture, px)
+    taken = window.to_window(occupied_px.reshape(-1, 2)).astype(np.float32)
+    order, least = np.argsort(-scores, kind="stable"), _LEAST_SCORE * noise**2
     kept = spread_evenly(
-        px, scores, np.argsort(-scores, kind="stable"), _LEAST_SCORE * noise**2, picture.shape[1], picture.shape[0], wanted,
-        _SPACING_PX, window.to_window(occupied_px.reshape(-1, 2)).astype(np.float32), _SPACING_PX,
-    )  # fmt: skip
+        px, scores, order, least, picture.shape[1], picture.shape[0], wanted, _SPACING_PX, taken, _SPACING_PX
+    )
     return window.to_image(px[kept].astype(np.float64))

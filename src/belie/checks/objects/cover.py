@@ -25,7 +25,7 @@ class CoverHabit:
     >>> for _ in range(20):
     ...     habit.tell(0.5)
     >>> [round(habit.miss(0.5), 3) for _ in range(3)]
-    [0.083, 0.12, 0.154]
+    [0.087, 0.125, 0.16]
     >>> habit.miss(0.7) is None
     True
     """

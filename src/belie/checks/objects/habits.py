@@ -83,8 +83,8 @@ class Habit:
     ) -> float:
         """Log-likelihood ratio, nats, of an attack by a message in error, after one in error or a right one.
 
-        `side_px` of the object: what is hard to see because it is small stays hard to see. `covered`: probability that it
-        is missed because others cover it.
+        `side_px` of the object: what is hard to see because it is small stays hard to see. `covered`: probability that
+        it is missed because others cover it.
         """
         return math.log((1.0 - _LAPSE) / self._errs(own, after_error, interval_s, side_px, covered))
 
@@ -205,8 +205,8 @@ class ErrorTest:
     ) -> bool:
         """A message in error, though the pixels tell otherwise; True once it is accused.
 
-        `covered`: probability that it is missed because others cover it; `vouched`: the pixels are sure; nobody is accused
-        before.
+        `covered`: probability that it is missed because others cover it; `vouched`: the pixels are sure; nobody is
+        accused before.
         """
         if self.errors == 0:
             self.onset_ns = stamp_ns
