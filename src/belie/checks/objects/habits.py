@@ -23,11 +23,17 @@ _LAPSE = _LEAST
 
 @dataclass(slots=True)
 class Counts:
-    """Messages without error, errors begun, messages in which an error went on."""
+    """Messages without error, errors begun, messages in which one went on: by its cause, or explained otherwise."""
 
     right: float = 0.0
     begun: float = 0.0
     lasted: float = 0.0
+    explained: float = 0.0  # by the object's size or cover
+
+    @property
+    def wrong(self) -> float:
+        """Messages in error."""
+        return self.begun + self.lasted + self.explained
 
 
 @dataclass(slots=True)
@@ -72,6 +78,7 @@ class Habit:
             counts.right += weight * seen.right
             counts.begun += weight * seen.begun
             counts.lasted += weight * seen.lasted
+            counts.explained += weight * seen.explained
 
     def learn_right(self, own: Counts) -> None:
         """One message without error, that no doubt preceded."""
@@ -95,7 +102,11 @@ class Habit:
     def unexplained(
         self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
     ) -> float:
-        """Share of an error that neither its size nor its cover explains: only that is the detector's habit."""
+        """Share of an error that neither its size nor its cover explains: only that is the detector's habit.
+
+        Who charges the stream with the long gaps of small objects gives large ones the same patience (the expectation
+        step of Dempster, Laird and Rubin, JRSS B 39, 1977).
+        """
         itself = self._errs(own, after_error, interval_s, math.inf, 0.0)
         return itself / self._errs(own, after_error, interval_s, side_px, covered)
 
@@ -111,14 +122,13 @@ class Habit:
     def share(self) -> float:
         """Share of the messages about objects that err, by the stream and what was expected of it."""
         s, n = self.stream, self.prior_messages
-        wrong = s.begun + s.lasted
-        return (wrong + n * self.rate) / (wrong + s.right + n)
+        return (s.wrong + n * self.rate) / (s.wrong + s.right + n)
 
     def memory_s(self, interval_s: float) -> float:
         """For how long consecutive images share the cause of an error, by the stream; its `persistence_s`."""
         s, n, share = self.stream, self.prior_gaps, self.share()
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
-        lasts = (s.lasted + n * expected) / (s.lasted + s.begun + n)
+        lasts = (s.lasted + n * expected) / (s.wrong + n)
         correlation = (lasts - share) / (1.0 - share)
         # Below, consecutive images share nothing; above, the time is longer than the recordings show.
         return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
@@ -132,10 +142,10 @@ class Habit:
     def _lasts(self, own: Counts, interval_s: float) -> float:
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
         s, n = self.stream, self.prior_gaps
-        # begun gaps each had one chance to end; `lasted` chances were not taken
-        stream = (s.lasted + n * expected) / (s.lasted + s.begun + n)
+        # Every message in error was a chance to end.
+        stream = (s.lasted + n * expected) / (s.wrong + n)
         m = n * _OBJECT_WEIGHT
-        return _bounded((own.lasted + m * stream) / (own.lasted + own.begun + m))
+        return _bounded((own.lasted + m * stream) / (own.wrong + m))
 
 
 def _bounded(share: float) -> float:
@@ -215,6 +225,7 @@ class ErrorTest:
         share = self.habit.unexplained(self.own, self.length > 0, interval_s, side_px, covered)
         if self.length:
             self._seen.lasted += share
+            self._seen.explained += 1.0 - share
         else:
             self._seen.begun += share
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
@@ -234,10 +245,10 @@ class ErrorTest:
         self.accused, self._seen = False, Counts()
 
 
-def run_threshold(false_alarms_per_hour: float, messages_per_hour: float, objects: float) -> float:
-    """Threshold of an `ErrorTest`, nats.
+def run_threshold(false_alarms_per_hour: float, messages_per_hour: float, share: float) -> float:
+    """Threshold of an `ErrorTest`, nats, for an object that is given a share of the stream's false alarms.
 
-    >>> round(run_threshold(0.1, 36000, 3), 1)
+    >>> round(run_threshold(0.1, 36000, 1 / 3), 1)
     13.9
     """
-    return math.log(max(messages_per_hour * max(objects, 1.0) / false_alarms_per_hour, math.e))
+    return math.log(max(messages_per_hour / (false_alarms_per_hour * share), math.e))
