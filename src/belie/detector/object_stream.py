@@ -16,10 +16,7 @@ from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import longer_side, projected_box_px
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
-from belie.types import (
-    Detection,
-    DetectionClaim,
-)
+from belie.types import Detection, DetectionClaim
 
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
@@ -257,6 +254,9 @@ class ObjectStream:
         track.phantom.why = ""
         if group not in _STANDING:
             track.phantom.why = f"a {track.label} need not stand on the ground"
+            return
+        if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
+            track.phantom.why = "it is leaving the view"
             return
         told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
         if told == (None, None):
