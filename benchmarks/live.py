@@ -5,9 +5,8 @@ latency   a corridor as JPEG, 720p at 30 Hz and 1080p at 15 Hz, with odometry, I
 soak      a drive along a wall at 30 Hz (``--minutes 10``): slope of the resident set, and whether every frame is
           answered or counted as dropped
 restarts  the player is killed and started again, ten times: from its first image to the first answer
-attacks   the four attacks of the paper through ``belie attack --live``, on the bundled drive; the van ahead is hidden
-          and renamed for 1.5 s, as `belie demo` hides it (ten frames are not enough for the default profile, offline
-          neither)
+attacks   the four attacks of the paper, ten frames each, through ``belie attack --live``, on the bundled drive; those on
+          objects aim at the van ahead
 """
 
 from __future__ import annotations
@@ -254,12 +253,12 @@ def attacks(_: argparse.Namespace) -> bool:
         ("paper-odometry:start=60", ["--odometry", "/odom_attacked"], "odometry_spoofing"),
         ("paper-position:start=60", ["--position", "/gnss/fix_attacked"], "position_spoofing"),
         (
-            "paper-hiding:object=1,start=30,stop=45",
+            "paper-hiding:object=1,start=30",
             ["--detections", "/detections_attacked"],
             "obstacle_hiding",
         ),
         (
-            "paper-misclassification:object=1,to=bird,start=30,stop=45",
+            "paper-misclassification:object=1,start=30",
             ["--detections", "/detections_attacked"],
             "object_misclassification",
         ),
