@@ -181,6 +181,7 @@ def test_a_flood_on_a_claim_topic_is_bounded_and_counted(transport, robot):
         assert odometry.received > 10_000
         assert psutil.Process().memory_info().rss - before < 150e6
         assert answered(session) > 10, "frames go on being answered"
+        assert wait_until(lambda: fault_kinds(session) == {(ODOM, "flood")})
 
 
 def test_a_reload_begins_a_new_session_on_the_same_transport(transport, robot, tmp_path):
