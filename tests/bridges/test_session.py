@@ -6,7 +6,7 @@ import json
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -20,6 +20,7 @@ from belie.bridges.live import LiveSession
 from belie.bridges.pipeline import Pipeline
 from belie.bridges.wire import Offer, Received
 from belie.geometry import SE3, CameraModel
+from belie.odometry import VisualOdometry
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
@@ -353,8 +354,8 @@ def test_odometry_that_speaks_late_is_vouched_for_once_its_noise_is_known(transp
         assert odometry.status is Status.CONSISTENT, odometry.reason
 
 
-def test_claims_do_not_pile_up_while_the_camera_is_dead(robot):
-    settings = quick_settings()
+def introduced(robot) -> tuple[Pipeline, Callable[..., None]]:
+    """A watch of a robot that has introduced itself, and how to give it a message at the time of image `k`."""
     image, info, odom = (
         ros.Topic(name=offer.topic, message_type=offer.message_type, count=1) for offer in robot.offers()
     )
@@ -365,12 +366,33 @@ def test_claims_do_not_pile_up_while_the_camera_is_dead(robot):
     introduction.frames.add_message(STORE.deserialize_cdr(robot.tf(), ros.TRANSFORMS))
     introduction.hear_info(STORE.deserialize_cdr(robot.info(0), ros.CAMERA_INFO))
     introduction.hear_image("cam_optical_frame", (320, 240))
-    pipeline = Pipeline(introduction, settings, Board())
+    pipeline = Pipeline(introduction, quick_settings(), Board())
 
     def add(topic: str, kind: str, data: bytes, k: int) -> None:
         received = Received(topic=topic, message_type=kind, data=data, received_ns=k * robot.period_ns)
         pipeline.add(received, STORE.deserialize_cdr(data, kind))
 
+    return pipeline, add
+
+
+def test_a_frame_is_looked_at_while_it_waits_for_its_claims(robot, monkeypatch):
+    pipeline, add = introduced(robot)
+    for k in range(3):
+        add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
+        add(IMAGE, ros.IMAGE, robot.image(k), k)
+        assert len(list(pipeline.release(k * robot.period_ns + 1))) == 1
+    add(IMAGE, ros.IMAGE, robot.image(3), 3)
+    assert not list(pipeline.release(3 * robot.period_ns + 1)), "the odometry is awaited"
+    pipeline.look()
+    with monkeypatch.context() as patched:
+        patched.delattr(VisualOdometry, "update")  # it must have been seen by now
+        add(ODOM, ros.ODOMETRY, robot.odometry(3), 3)
+        (answer,) = pipeline.release(3 * robot.period_ns + 2)
+    assert answer.verdict.frame == 3
+
+
+def test_claims_do_not_pile_up_while_the_camera_is_dead(robot):
+    pipeline, add = introduced(robot)
     for k in range(400):  # 20 s before the first image
         add(ODOM, ros.ODOMETRY, robot.odometry(k), k)
     assert len(pipeline._early) <= 101
