@@ -80,6 +80,11 @@ class Live:
             raise SystemExit(f"belie live did not end as it should:\n{self.said()}")
         return int(found[1]), int(found[2]) + int(found[3]), time.monotonic() - began_s
 
+    def alerts(self) -> int:
+        """How many it raised, by its last line."""
+        found = re.search(r"stop: \d+ frames answered, (\d+) alerts", self.said())
+        return int(found[1]) if found else 0
+
 
 class Observer:
     """Notes when the diagnostics of each frame arrive: stamp of the frame to receive time, ns."""

@@ -2,16 +2,17 @@
 
 latency   a corridor as JPEG, 720p at 30 Hz and 1080p at 15 Hz, with odometry, IMU at 200 Hz and localisation at
           10 Hz; from right before the image is sent to the arrival of its diagnostics at a third party
-soak      a drive along a wall at 30 Hz (``--minutes 10``): slope of the resident set, and whether every frame is
+soak      a drive along a wall, 720p JPEG at 30 Hz (``--minutes 10``): slope of the resident set, and whether every frame is
           answered or counted as dropped
 restarts  the player is killed and started again, ten times: from its first image to the first answer
-attacks   the four attacks of the paper, ten frames each, through ``belie attack --live``, on the bundled drive; those on
-          objects aim at the van ahead
+attacks   the four attacks of the paper, ten frames each, through ``belie attack --live``, on the bundled drive; those
+          on objects aim at the van ahead
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import signal
@@ -24,6 +25,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from _live_peers import Live, Observer, child, network, transport
@@ -36,8 +38,7 @@ from belie.recordings import messages as ros_messages
 from belie.recordings import open_recording, write_mcap
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
-from belie.types import Frame, MotionClaim, MountedCamera, PoseClaim, Step
-from memory import made_steps
+from belie.types import Frame, MotionClaim, MountedCamera, PoseClaim
 
 DOMAIN = 60
 DEMO = Path(__file__).resolve().parents[1] / "src" / "belie" / "cli" / "demo_drive.mcap"
@@ -127,9 +128,31 @@ def latency(arguments: argparse.Namespace) -> bool:
     return met
 
 
+SOAK = CameraModel(width=1280, height=720, fx=1000, fy=1000, cx=639.5, cy=359.5)
+_WALL_PX_A_FRAME = 4  # 0.1 m, seen from 25 m
+_PERIOD_NS = 33_333_333
+_BLOCK_PX = 1280
+
+
+def endless_wall() -> Iterator[np.ndarray]:
+    """Images of a drive along a wall that never repeats, so that nothing looks like a replayed camera."""
+
+    def block(index: int) -> np.ndarray:
+        return np.random.default_rng(index).integers(0, 256, (SOAK.height, _BLOCK_PX), dtype=np.uint8)
+
+    for index in itertools.count(1):
+        around = np.hstack(
+            [block(index - 1)[:, -16:], block(index), block(index + 1), block(index + 2)[:, :16]]
+        )
+        wall = cv2.GaussianBlur(around, (15, 15), 4.0)[:, 16:-16].astype(np.float32)
+        # Gray levels by the spread of blurred noise, the same in every block: seams would be seen.
+        wall = np.clip(128.0 + 7.0 * (wall - 127.5), 0.0, 255.0).astype(np.uint8)
+        for left in range(0, _BLOCK_PX, _WALL_PX_A_FRAME):
+            yield np.ascontiguousarray(wall[:, left : left + SOAK.width])
+
+
 def wall_messages(frames: int) -> Iterator[Received]:
-    """`memory.made_steps` as messages, made while they are sent."""
-    model = CameraModel(width=640, height=480, fx=500, fy=500, cx=319.5, cy=239.5)
+    """A drive along that wall: images at 30 Hz with odometry, IMU at 180 Hz; made while they are sent."""
     start_ns = now_ns()
 
     def received(topic: str, kind: str, message: object, stamp_ns: int) -> Received:
@@ -138,24 +161,27 @@ def wall_messages(frames: int) -> Iterator[Received]:
 
     tf = ros_messages.transforms([("base_link", "cam_optical", SE3.identity())], 0)
     yield received("/tf_static", ros.TRANSFORMS, tf, 0)
-    for step in made_steps(frames):
-        frame = step.frame
-        yield from _claims(step, received)
-        info = ros_messages.camera_info(model, frame.stamp_ns, "cam_optical")
-        yield received("/camera/camera_info", ros.CAMERA_INFO, info, frame.stamp_ns)
-        image = ros_messages.image(frame.image, frame.stamp_ns, "cam_optical", "jpeg", 90)
-        yield received(f"{CAMERA}/compressed", ros.COMPRESSED, image, frame.stamp_ns)
-
-
-def _claims(step: Step, received: object) -> Iterator[Received]:
-    make = received
-    assert callable(make)
-    for claim in step.claims:
-        if isinstance(claim, PoseClaim):
-            message = ros_messages.odometry(claim, None, "base_link")
-            yield make(claim.source, ros.ODOMETRY, message, claim.stamp_ns)
-        elif isinstance(claim, MotionClaim):
-            yield make(claim.source, ros.IMU, ros_messages.imu(claim, "base_link"), claim.stamp_ns)
+    for index, gray in zip(range(frames), endless_wall(), strict=False):
+        stamp_ns = (index + 1) * _PERIOD_NS
+        pose = PoseClaim(
+            source="/odom",
+            frame_id="odom",
+            stamp_ns=stamp_ns,
+            received_ns=stamp_ns,
+            T_odom_body=SE3.from_translation([0.1 * index, 0.0, 0.0]),
+        )
+        yield received("/odom", ros.ODOMETRY, ros_messages.odometry(pose, None, "base_link"), stamp_ns)
+        for k in range(6):
+            t = stamp_ns + k * _PERIOD_NS // 6
+            rate = MotionClaim(
+                source="/imu", kind="imu", stamp_ns=t, received_ns=t, angular_rad_s=np.zeros(3)
+            )
+            yield received("/imu", ros.IMU, ros_messages.imu(rate, "base_link"), t)
+            if k == 0:
+                info = ros_messages.camera_info(SOAK, stamp_ns, "cam_optical")
+                yield received("/camera/camera_info", ros.CAMERA_INFO, info, stamp_ns)
+                image = ros_messages.image(gray, stamp_ns, "cam_optical", "jpeg", 90)
+                yield received(f"{CAMERA}/compressed", ros.COMPRESSED, image, stamp_ns)
 
 
 def soak(arguments: argparse.Namespace) -> bool:
@@ -192,17 +218,18 @@ def soak(arguments: argparse.Namespace) -> bool:
         thread.join()
         time.sleep(1.0)
         answered, dropped, _ = live.stop()
+        alerts = live.alerts()
         participant.close()
     t, rss = np.array(samples).T
     later = t > min(120.0, 0.3 * t[-1])  # buffers (ring, claims) have filled
     slope = np.polyfit(t[later] / 60.0, rss[later], 1)[0]
     half = len(rss) // 2
     print(
-        f"{arguments.minutes:g} min at 30 Hz, 640x480: {frames} frames sent, {answered} answered, {dropped} messages "
-        f"dropped and counted, {frames - answered - dropped} frames neither; resident set {rss[later][0]:.0f} MB after "
+        f"{arguments.minutes:g} min at 30 Hz, {SOAK.width}x{SOAK.height}: {frames} frames sent, {answered} answered, "
+        f"{dropped} messages dropped and counted, {frames - answered - dropped} frames neither; resident set {rss[later][0]:.0f} MB after "
         f"{t[later][0]:.0f} s, {rss[-1]:.0f} MB at the end, peak {rss.max():.0f} MB, slope {slope:+.2f} MB a minute "
         f"(second half {np.polyfit(t[half:] / 60.0, rss[half:], 1)[0]:+.2f}); processor {100 * share:.0f} % of one "
-        f"core; load {os.getloadavg()[0]:.1f}"
+        f"core; {alerts} alerts; load {os.getloadavg()[0]:.1f}"
     )
     return bool(abs(slope) < 1.0 and frames - answered - dropped <= 0)
 
