@@ -2,8 +2,8 @@
 
 latency   a corridor as JPEG, 720p at 30 Hz and 1080p at 15 Hz, with odometry, IMU at 200 Hz and localisation at
           10 Hz; from right before the image is sent to the arrival of its diagnostics at a third party
-soak      a drive along a wall, 720p JPEG at 30 Hz (``--minutes 10``): slope of the resident set, and whether every frame is
-          answered or counted as dropped
+soak      a drive along a wall, 720p JPEG at 30 Hz (``--minutes 10``): slope of the resident set, and whether every
+          frame is answered or counted as dropped
 restarts  the player is killed and started again, ten times: from its first image to the first answer
 attacks   the four attacks of the paper, ten frames each, through ``belie attack --live``, on the bundled drive; those
           on objects aim at the van ahead
@@ -226,8 +226,8 @@ def soak(arguments: argparse.Namespace) -> bool:
     half = len(rss) // 2
     print(
         f"{arguments.minutes:g} min at 30 Hz, {SOAK.width}x{SOAK.height}: {frames} frames sent, {answered} answered, "
-        f"{dropped} messages dropped and counted, {frames - answered - dropped} frames neither; resident set {rss[later][0]:.0f} MB after "
-        f"{t[later][0]:.0f} s, {rss[-1]:.0f} MB at the end, peak {rss.max():.0f} MB, slope {slope:+.2f} MB a minute "
+        f"{dropped} messages dropped and counted, {frames - answered - dropped} frames neither; "
+        f"resident set {rss[later][0]:.0f} MB after {t[later][0]:.0f} s, {rss[-1]:.0f} MB at the end, peak {rss.max():.0f} MB, slope {slope:+.2f} MB a minute "
         f"(second half {np.polyfit(t[half:] / 60.0, rss[half:], 1)[0]:+.2f}); processor {100 * share:.0f} % of one "
         f"core; {alerts} alerts; load {os.getloadavg()[0]:.1f}"
     )
