@@ -224,12 +224,13 @@ def soak(arguments: argparse.Namespace) -> bool:
     later = t > min(120.0, 0.3 * t[-1])  # buffers (ring, claims) have filled
     slope = np.polyfit(t[later] / 60.0, rss[later], 1)[0]
     half = len(rss) // 2
+    later_half = np.polyfit(t[half:] / 60.0, rss[half:], 1)[0]
     print(
         f"{arguments.minutes:g} min at 30 Hz, {SOAK.width}x{SOAK.height}: {frames} frames sent, {answered} answered, "
         f"{dropped} messages dropped and counted, {frames - answered - dropped} frames neither; "
-        f"resident set {rss[later][0]:.0f} MB after {t[later][0]:.0f} s, {rss[-1]:.0f} MB at the end, peak {rss.max():.0f} MB, slope {slope:+.2f} MB a minute "
-        f"(second half {np.polyfit(t[half:] / 60.0, rss[half:], 1)[0]:+.2f}); processor {100 * share:.0f} % of one "
-        f"core; {alerts} alerts; load {os.getloadavg()[0]:.1f}"
+        f"resident set {rss[later][0]:.0f} MB after {t[later][0]:.0f} s, {rss[-1]:.0f} MB at the end, "
+        f"peak {rss.max():.0f} MB, slope {slope:+.2f} MB a minute (second half {later_half:+.2f}); "
+        f"processor {100 * share:.0f} % of one core; {alerts} alerts; load {os.getloadavg()[0]:.1f}"
     )
     return bool(abs(slope) < 1.0 and frames - answered - dropped <= 0)
 
