@@ -16,7 +16,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from belie.attacks import AttackSpec
-from belie.bridges.board import Board
+from belie.bridges.board import Answer, Board, Input
 from belie.bridges.discovery import discover
 from belie.bridges.hijack import Hijack
 from belie.bridges.intake import Intake
@@ -36,7 +36,16 @@ from belie.recordings.geodesy import GeodeticPoint
 from belie.recordings.messages import STORE
 from belie.recordings.rig import Rig, claim_reader
 from belie.recordings.transforms import TransformTree
-from belie.types import AmbiguousTopicError, MotionClaim, PoseClaim, PositionClaim
+from belie.types import (
+    AmbiguousTopicError,
+    CheckResult,
+    Frame,
+    MotionClaim,
+    PoseClaim,
+    PositionClaim,
+    Status,
+    Verdict,
+)
 
 QUICK = IntakeSettings(settle_s=0.05)
 
@@ -283,6 +292,39 @@ def test_an_unknown_key_and_an_absent_router_are_one_line(tmp_path):
     assert (result.exit_code, "intake.frame" in result.output) == (2, True)
     result = run("live", "zenoh", "--endpoint", f"tcp/127.0.0.1:{free_port()}", "--list")
     assert (result.exit_code, "no Zenoh router" in result.output) == (2, True)
+
+
+def test_the_dashboard_takes_no_name_for_markup():
+    board = Board(state="watching", watching=True)
+    result = CheckResult(
+        check="hiding", source="/det", status=Status.UNDECIDED, reason="car [/b] is missing", object="[/b]"
+    )
+    board.note(answer_of(result))
+    board.fault("/det", "malformed message", "x")
+    console = Console(width=160, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    one = Input(
+        topic="/[/b]", message_type="", received=0, dropped=0, lost=0, age_s=None, rate_hz=None, silent=True
+    )
+    console.print(drawn_picture(board.picture((one,))))
+    shown = console.export_text()
+    assert "age [s]" in shown
+    assert "car [/b] is missing" in shown
+
+
+def test_reasons_of_objects_with_names_of_their_own_do_not_pile_up():
+    board = Board()
+    for k in range(1000):
+        name = "".join(chr(ord("a") + int(digit)) for digit in str(k))
+        result = CheckResult(check="hiding", source="/det", status=Status.UNDECIDED, reason=f"{name} is gone")
+        board.note(answer_of(result))
+    assert len(board.undecided) <= 201
+    assert sum(board.undecided.values()) == 1000
+
+
+def answer_of(result: CheckResult) -> Answer:
+    frame = Frame(camera="/cam", stamp_ns=0, received_ns=0, image=np.zeros((4, 4), np.uint8))
+    verdict = Verdict(frame=0, stamp_ns=0, status=result.status, latency_ms=1.0, checks=(result,))
+    return Answer(verdict=verdict, frame=frame, decode_ms=1.0, answered_ns=1)
 
 
 def test_the_dashboard_shows_faults():
