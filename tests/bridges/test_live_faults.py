@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import struct
 import threading
 import time
@@ -244,3 +245,15 @@ def test_a_publisher_of_another_qos(peer):
 def test_a_publisher_that_restarts(peer):
     peer.restart()
     assert peer.is_told(f"belie: input {IMAGE}", OK, timeout_s=30.0)
+
+
+def test_settings_that_are_read_again_and_again(peer, live):
+    process = psutil.Process(live.popen.pid)
+    threads = []
+    for _ in range(4):
+        before = live.said().count("ready")
+        live.popen.send_signal(signal.SIGHUP)
+        assert wait_until(lambda before=before: live.said().count("ready") > before), live.said()
+        assert peer.is_answered(), live.said()
+        threads.append(process.num_threads())
+    assert max(threads[1:]) <= threads[0], "each session ends its threads"

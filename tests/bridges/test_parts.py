@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import struct
 import threading
 import time
 import tomllib
 from contextlib import ExitStack
 from dataclasses import replace
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
+import simplejpeg
 from live_tools import DEMO, IMAGE, INFO, ODOM, free_port, quick_settings, wait_until
 from rich.console import Console
 from typer.testing import CliRunner
@@ -20,6 +24,7 @@ from belie.bridges.board import Answer, Board, Input
 from belie.bridges.discovery import discover
 from belie.bridges.hijack import Hijack
 from belie.bridges.intake import Intake
+from belie.bridges.pipeline import decode_image
 from belie.bridges.player import Player, as_bag, messages_of, types_of
 from belie.bridges.rewriting import rewritten
 from belie.bridges.settings import DdsSettings, IntakeSettings, TopicSettings, parse_live_settings
@@ -33,6 +38,7 @@ from belie.recordings import messages, open_recording
 from belie.recordings import topics as ros
 from belie.recordings.claims import ImuReader, PoseReader
 from belie.recordings.geodesy import GeodeticPoint
+from belie.recordings.images import GrayDecoder, UndecodableImageError
 from belie.recordings.messages import STORE
 from belie.recordings.rig import Rig, claim_reader
 from belie.recordings.transforms import TransformTree
@@ -103,6 +109,19 @@ def test_the_intake_never_grows():
     ]
     assert intake.dropped == {IMAGE: 99, ODOM: 97}
     assert intake.take(0.0) == []
+
+
+def test_a_compressed_image_that_claims_a_gigabyte_is_not_decoded():
+    gray = np.zeros((8, 8), np.uint8)
+    jpeg = bytearray(simplejpeg.encode_jpeg(gray[:, :, None], 90, "GRAY", "444"))
+    at = jpeg.index(b"\xff\xc0") + 5  # start of frame: height and width
+    struct.pack_into(">HH", jpeg, at, 40_000, 30_000)
+    png = bytearray(cv2.imencode(".png", gray)[1].tobytes())
+    struct.pack_into(">II", png, 16, 40_000, 30_000)
+    for data in (jpeg, png):
+        message = SimpleNamespace(format="", data=np.frombuffer(bytes(data), np.uint8))
+        with pytest.raises(UndecodableImageError, match="claims 1200000000 pixels"):
+            decode_image(GrayDecoder("/cam"), message, IntakeSettings().largest_image_px)
 
 
 # -- playing and altering ------------------------------------------------------------------------------
@@ -222,10 +241,11 @@ def test_dds_carries_bytes_between_participants_and_names_what_does_not_fit(robo
         late: list[Received] = []
         latched = sender.advertise("/tf_static", ros.TRANSFORMS, latched=True)
         latched.publish(robot.tf())
+        latched.publish(robot.tf() + bytes(4))  # a robot has several who tell transforms
         plain = sender.advertise("/volatile", ros.TRANSFORMS, latched=False)
         image = sender.advertise(IMAGE, ros.IMAGE, latched=False)
         receiver.subscribe("/tf_static", ros.TRANSFORMS, late.append, latched=True, depth=10)
-        assert wait_until(lambda: bool(late)), "who comes late gets what is latched"
+        assert wait_until(lambda: len(late) == 2), "who comes late gets all that is latched"
         assert late[0].data[: len(robot.tf())] == robot.tf()
         got: list[Received] = []
         receiver.subscribe(IMAGE, ros.IMAGE, got.append, latched=False, depth=5)
