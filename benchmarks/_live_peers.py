@@ -32,6 +32,12 @@ def transport(domain: int) -> DdsTransport:
     return DdsTransport(DdsSettings(interface="lo"), domain=domain)
 
 
+def stamp_ns(data: bytes) -> int:
+    """Header stamp of a message as CDR."""
+    seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
+    return int(seconds * 1_000_000_000 + nanoseconds)
+
+
 class Live:
     """A ``belie live dds`` with a diagnostic message for every frame.
 
@@ -94,8 +100,7 @@ class Observer:
         participant.subscribe("/diagnostics", DIAGNOSTICS, self._note, latched=False, depth=200)
 
     def _note(self, message: Received) -> None:
-        seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
-        self.answered_ns.setdefault(seconds * 1_000_000_000 + nanoseconds, message.received_ns)
+        self.answered_ns.setdefault(stamp_ns(message.data), message.received_ns)
 
 
 @contextmanager
