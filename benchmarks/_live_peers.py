@@ -32,6 +32,12 @@ def transport(domain: int) -> DdsTransport:
     return DdsTransport(DdsSettings(interface="lo"), domain=domain)
 
 
+def stamp_ns(data: bytes) -> int:
+    """Header stamp of a message as CDR."""
+    seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
+    return int(seconds * 1_000_000_000 + nanoseconds)
+
+
 class Live:
     """A ``belie live dds`` with a diagnostic message for every frame.
 
@@ -80,6 +86,11 @@ class Live:
             raise SystemExit(f"belie live did not end as it should:\n{self.said()}")
         return int(found[1]), int(found[2]) + int(found[3]), time.monotonic() - began_s
 
+    def alerts(self) -> int:
+        """How many it raised, by its last line."""
+        found = re.search(r"stop: \d+ frames answered, (\d+) alerts", self.said())
+        return int(found[1]) if found else 0
+
 
 class Observer:
     """Notes when the diagnostics of each frame arrive: stamp of the frame to receive time, ns."""
@@ -89,8 +100,7 @@ class Observer:
         participant.subscribe("/diagnostics", DIAGNOSTICS, self._note, latched=False, depth=200)
 
     def _note(self, message: Received) -> None:
-        seconds, nanoseconds = struct.unpack_from("<iI", message.data, 4)
-        self.answered_ns.setdefault(seconds * 1_000_000_000 + nanoseconds, message.received_ns)
+        self.answered_ns.setdefault(stamp_ns(message.data), message.received_ns)
 
 
 @contextmanager

@@ -17,8 +17,10 @@ _TEXELS_PER_M = 64.0
 _VISIBLE_M = 25.0
 
 
-def corridor(camera: CameraModel, frames: int, seed: int = 0) -> Iterator[tuple[npt.NDArray[np.uint8], SE3]]:
-    """Images and their poses ``T_world_cam``: forward at 0.5 m a frame, swaying and turning a little.
+def corridor(
+    camera: CameraModel, frames: int, seed: int = 0, first: int = 0
+) -> Iterator[tuple[npt.NDArray[np.uint8], SE3]]:
+    """Images from number `first` on, and their poses ``T_world_cam``: 0.5 m a frame, swaying and turning a little.
 
     Every pixel's ray meets the nearest of four planes; their texture fades to gray with the distance, as in
     haze, which also keeps what is far from sparkling.
@@ -29,7 +31,7 @@ def corridor(camera: CameraModel, frames: int, seed: int = 0) -> Iterator[tuple[
     rays = np.stack(
         [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(columns.shape)], axis=-1
     )
-    for i in range(frames):
+    for i in range(first, first + frames):
         yaw = 0.03 * np.sin(0.15 * i)
         T_world_cam = SE3(
             np.array(cv2.Rodrigues(np.array([0.0, yaw, 0.0]))[0]),

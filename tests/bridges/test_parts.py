@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import os
+import struct
 import threading
 import time
 import tomllib
 from contextlib import ExitStack
 from dataclasses import replace
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
+import simplejpeg
 from live_tools import DEMO, IMAGE, INFO, ODOM, free_port, quick_settings, wait_until
 from rich.console import Console
 from typer.testing import CliRunner
 
 from belie.attacks import AttackSpec
-from belie.bridges.board import Board
+from belie.bridges.board import Answer, Board, Input
 from belie.bridges.discovery import discover
 from belie.bridges.hijack import Hijack
 from belie.bridges.intake import Intake
+from belie.bridges.pipeline import decode_image
 from belie.bridges.player import Player, as_bag, messages_of, types_of
 from belie.bridges.rewriting import rewritten
 from belie.bridges.settings import DdsSettings, IntakeSettings, TopicSettings, parse_live_settings
@@ -33,10 +38,20 @@ from belie.recordings import messages, open_recording
 from belie.recordings import topics as ros
 from belie.recordings.claims import ImuReader, PoseReader
 from belie.recordings.geodesy import GeodeticPoint
+from belie.recordings.images import GrayDecoder, UndecodableImageError
 from belie.recordings.messages import STORE
 from belie.recordings.rig import Rig, claim_reader
 from belie.recordings.transforms import TransformTree
-from belie.types import AmbiguousTopicError, MotionClaim, PoseClaim, PositionClaim
+from belie.types import (
+    AmbiguousTopicError,
+    CheckResult,
+    Frame,
+    MotionClaim,
+    PoseClaim,
+    PositionClaim,
+    Status,
+    Verdict,
+)
 
 QUICK = IntakeSettings(settle_s=0.05)
 
@@ -94,6 +109,19 @@ def test_the_intake_never_grows():
     ]
     assert intake.dropped == {IMAGE: 99, ODOM: 97}
     assert intake.take(0.0) == []
+
+
+def test_a_compressed_image_that_claims_a_gigabyte_is_not_decoded():
+    gray = np.zeros((8, 8), np.uint8)
+    jpeg = bytearray(simplejpeg.encode_jpeg(gray[:, :, None], 90, "GRAY", "444"))
+    at = jpeg.index(b"\xff\xc0") + 5  # start of frame: height and width
+    struct.pack_into(">HH", jpeg, at, 40_000, 30_000)
+    png = bytearray(cv2.imencode(".png", gray)[1].tobytes())
+    struct.pack_into(">II", png, 16, 40_000, 30_000)
+    for data in (jpeg, png):
+        message = SimpleNamespace(format="", data=np.frombuffer(bytes(data), np.uint8))
+        with pytest.raises(UndecodableImageError, match="claims 1200000000 pixels"):
+            decode_image(GrayDecoder("/cam"), message, IntakeSettings().largest_image_px)
 
 
 # -- playing and altering ------------------------------------------------------------------------------
@@ -213,10 +241,11 @@ def test_dds_carries_bytes_between_participants_and_names_what_does_not_fit(robo
         late: list[Received] = []
         latched = sender.advertise("/tf_static", ros.TRANSFORMS, latched=True)
         latched.publish(robot.tf())
+        latched.publish(robot.tf() + bytes(4))  # a robot has several who tell transforms
         plain = sender.advertise("/volatile", ros.TRANSFORMS, latched=False)
         image = sender.advertise(IMAGE, ros.IMAGE, latched=False)
         receiver.subscribe("/tf_static", ros.TRANSFORMS, late.append, latched=True, depth=10)
-        assert wait_until(lambda: bool(late)), "who comes late gets what is latched"
+        assert wait_until(lambda: len(late) == 2), "who comes late gets all that is latched"
         assert late[0].data[: len(robot.tf())] == robot.tf()
         got: list[Received] = []
         receiver.subscribe(IMAGE, ros.IMAGE, got.append, latched=False, depth=5)
@@ -283,6 +312,39 @@ def test_an_unknown_key_and_an_absent_router_are_one_line(tmp_path):
     assert (result.exit_code, "intake.frame" in result.output) == (2, True)
     result = run("live", "zenoh", "--endpoint", f"tcp/127.0.0.1:{free_port()}", "--list")
     assert (result.exit_code, "no Zenoh router" in result.output) == (2, True)
+
+
+def test_the_dashboard_takes_no_name_for_markup():
+    board = Board(state="watching", watching=True)
+    result = CheckResult(
+        check="hiding", source="/det", status=Status.UNDECIDED, reason="car [/b] is missing", object="[/b]"
+    )
+    board.note(answer_of(result))
+    board.fault("/det", "malformed message", "x")
+    console = Console(width=160, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    one = Input(
+        topic="/[/b]", message_type="", received=0, dropped=0, lost=0, age_s=None, rate_hz=None, silent=True
+    )
+    console.print(drawn_picture(board.picture((one,))))
+    shown = console.export_text()
+    assert "age [s]" in shown
+    assert "car [/b] is missing" in shown
+
+
+def test_reasons_of_objects_with_names_of_their_own_do_not_pile_up():
+    board = Board()
+    for k in range(1000):
+        name = "".join(chr(ord("a") + int(digit)) for digit in str(k))
+        result = CheckResult(check="hiding", source="/det", status=Status.UNDECIDED, reason=f"{name} is gone")
+        board.note(answer_of(result))
+    assert len(board.undecided) <= 201
+    assert sum(board.undecided.values()) == 1000
+
+
+def answer_of(result: CheckResult) -> Answer:
+    frame = Frame(camera="/cam", stamp_ns=0, received_ns=0, image=np.zeros((4, 4), np.uint8))
+    verdict = Verdict(frame=0, stamp_ns=0, status=result.status, latency_ms=1.0, checks=(result,))
+    return Answer(verdict=verdict, frame=frame, decode_ms=1.0, answered_ns=1)
 
 
 def test_the_dashboard_shows_faults():

@@ -1,8 +1,10 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import belie.cli
 from belie import attacks
 from belie.detector import Config, Detector
 from belie.geometry import SE3, CameraModel
@@ -10,6 +12,7 @@ from belie.odometry import VisualOdometry
 from belie.recordings import open_recording
 from belie.types import CalibrationError, Frame, MountedCamera, PoseClaim, Status
 
+DEMO = Path(belie.cli.__file__).with_name("demo_drive.mcap")
 MODEL = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
 CAMERAS = {"/image": MountedCamera(model=MODEL, T_body_cam=SE3.identity())}
 
@@ -46,6 +49,29 @@ def test_blank_images_are_undecided_with_the_reason(profile):
         verdict = detector.update(frame(i), [claim] if i == 0 else [])
         assert verdict.status is Status.UNDECIDED
         assert all(check.reason for check in verdict.checks)
+
+
+@pytest.mark.parametrize("profile", ["default", "paper"])
+def test_looking_before_the_claims_are_there_changes_no_answer(profile):
+    recording = attacks.attack(
+        open_recording(DEMO),
+        ["odometry-offset:axis=y,magnitude=2,start=30", "camera-freeze:start=45,stop=50"],
+    )
+    plain, looking = (Detector(recording.cameras, Config(profile=profile)) for _ in range(2))
+    for k, step in enumerate(recording.steps()):
+        if k == 60:
+            break
+        if k % 3:
+            looking.look(step.frame)
+        a, b = plain.update(step.frame, step.claims), looking.update(step.frame, step.claims)
+        assert replace(a, latency_ms=0.0) == replace(b, latency_ms=0.0)
+
+
+def test_a_frame_that_was_looked_at_must_be_judged():
+    detector = Detector(CAMERAS)
+    detector.look(frame(1))
+    with pytest.raises(ValueError, match="looked at"):
+        detector.update(frame(2), [])
 
 
 def test_misuse_is_refused():

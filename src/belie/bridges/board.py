@@ -11,6 +11,7 @@ from belie.bridges.wire import now_ns
 from belie.types import Alert, Frame, Status, Verdict
 
 FAULT_SHOWN_NS = 10_000_000_000
+_MOST_REASONS = 200  # distinct ones: objects may have names that never come again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,7 +145,9 @@ class Board:
             self.statuses[verdict.status.value] += 1
             for check in verdict.checks:
                 if check.status is Status.UNDECIDED:
-                    self.undecided[_without_numbers(check.reason)] += 1
+                    reason = _without_numbers(check.reason)
+                    full = len(self.undecided) >= _MOST_REASONS and reason not in self.undecided
+                    self.undecided["other" if full else reason] += 1
             for alert in verdict.alerts:
                 self.raised[alert.type.value] += 1
                 self.alerts.append((verdict.frame, alert))

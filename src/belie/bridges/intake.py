@@ -30,6 +30,7 @@ class Intake:
     def __init__(self, image: str, *, frames: int, claims: int) -> None:
         self.image = image
         self.dropped: Counter[str] = Counter()
+        self.overflows: Counter[str] = Counter()  # those of `dropped` that found no place here
         self.received: Counter[str] = Counter()
         self.last_ns: dict[str, int] = {}
         self.period_ns: dict[str, float] = {}
@@ -52,6 +53,7 @@ class Intake:
             while len(waiting) > most:
                 waiting.popleft()
                 self.dropped[topic] += 1
+                self.overflows[topic] += 1
             self.received[topic] += 1
             self._note_period(topic, message.received_ns)
             self._ready.notify()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
@@ -62,6 +63,7 @@ class LiveSession:
         self._intake: Intake | None = None
         self._sinks: list[Sink] = []
         self._told_late: set[str] = set()
+        self._overflows: Counter[str] = Counter()
         self.board = Board(alerts_kept=settings.answers.alerts_kept)
 
     def request(self, outcome: Outcome) -> None:
@@ -165,6 +167,7 @@ class LiveSession:
             return
         for topic, text in self._transport.faults().items():
             self.board.fault(topic, "QoS mismatch", text)
+        self._name_floods(self._choice)
         used = {topic.name: topic.message_type for topic in self._choice.all}
         roles = {topic.role for topic in self._choice.all}
         for offer in self._transport.offers():
@@ -180,6 +183,20 @@ class LiveSession:
             if missing and named is None and offer.topic not in self._told_late:
                 self._told_late.add(offer.topic)
                 self._on_event(f"{offer.topic} ({role}) appeared after the start; SIGHUP takes it in")
+
+    def _name_floods(self, choice: ros.Choice) -> None:
+        """Images are dropped by design where belie is slow; of other topics as much waits as any robot should send."""
+        if self._intake is None:
+            return
+        overflows = Counter(self._intake.overflows)
+        for topic in choice.all:
+            more = overflows[topic.name] - self._overflows[topic.name]
+            if more > 0 and topic is not choice.image:
+                text = (
+                    f"{more} messages dropped since the last look, for belie had not read those before them"
+                )
+                self.board.fault(topic.name, "flood", text)
+        self._overflows = overflows
 
     def picture(self) -> Picture:
         """What is known now."""

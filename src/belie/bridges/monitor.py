@@ -89,6 +89,8 @@ class Monitor:
             self._guarded(self._release, clock_ns)
             if self._pipeline is None:
                 self._guarded(self._try_to_begin, clock_ns)
+            else:
+                self._guarded(Pipeline.look, self._pipeline)
 
     def _guarded(self, act: Callable[[Any], None], argument: Any) -> bool:
         """Nothing that a message holds may end the monitor; False where the watch broke."""

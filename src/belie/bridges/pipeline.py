@@ -83,6 +83,7 @@ class Pipeline:
         )  # before any frame tells the images' clock
         self._indices: dict[str, int] = {}
         self._last_frame: tuple[int, int] | None = None
+        self._looked_at: Frame | None = None
 
     @property
     def body(self) -> str:
@@ -221,3 +222,10 @@ class Pipeline:
         for step in self._joiner.release(clock_ns):
             verdict = self._detector.update(step.frame, step.claims)
             yield Answer(verdict=verdict, frame=step.frame, decode_ms=step.decode_ms, answered_ns=now_ns())
+
+    def look(self) -> None:
+        """Look at the frame that is answered next while it waits for its claims."""
+        frame = self._joiner.next_frame()
+        if frame is not None and frame is not self._looked_at:
+            self._looked_at = frame
+            self._detector.look(frame)

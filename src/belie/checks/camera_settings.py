@@ -35,7 +35,7 @@ class CameraSettings(Settings):
     exact_images: int = Field(
         100_000,
         ge=100,
-        description="images that an exact repeat is recognised of [count]; an hour at 28 Hz, 10 MB",
+        description="images that an exact repeat is recognised of [count]; an hour at 28 Hz, 17 MB",
     )
     near_s: float = Field(60.0, gt=0.0, description="age up to which a re-encoded repeat is recognised [s]")
     near_images: int = Field(

@@ -133,7 +133,7 @@ def live(
         print(to_toml(settings, header="Settings of: belie live --config live.toml"), end="")
         return
     if not list_topics:
-        say("start")
+        say(f"start: {middleware.value}")
         from belie.bridges.monitor import warm_up
 
         warm_up(settings.detector)
@@ -312,5 +312,5 @@ def _print_offers(transport: Any, settings: LiveSettings) -> None:
             "yes" if offer.reliable else "no",
             "yes" if offer.latched else "no",
         )
-    Console(width=max(140, Console().width), highlight=False).print(table)
+    Console(width=max(140, Console().width), highlight=False, markup=False).print(table)
     print(f"not ready: {problem}" if problem else "belie live would use the topics marked *")

@@ -53,6 +53,7 @@ class DefaultProfile:
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
         self._last_ns: int | None = None
+        self._looked_at: tuple[bool, VisualEstimate | None] | None = None
         self.estimate: VisualEstimate | None = None
         self.T_odom_cam_claimed: SE3 | None = None
 
@@ -77,14 +78,22 @@ class DefaultProfile:
             for (check, source), judge in self._motion_checks.items()
         }
 
+    def look(self, frame: Frame) -> None:
+        """Do what needs no claim: tell whether the image is usable, and how the camera has moved."""
+        unusable = self._camera_check.look(frame)
+        self._looked_at = unusable, None if unusable else self._odometry.update(frame)
+
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge every stream at this frame."""
         claims = tuple(claims)
         self._streams.take(claims, frame.stamp_ns)
         self._objects.take(claims, frame.stamp_ns)
         self._open_checks()
-        unusable = self._camera_check.look(frame)
-        self.estimate = estimate = None if unusable else self._odometry.update(frame)
+        if self._looked_at is None:
+            self.look(frame)
+        assert self._looked_at is not None
+        unusable, self.estimate = self._looked_at
+        self._looked_at, estimate = None, self.estimate
         start_ns = self._last_ns if estimate is None else estimate.previous_stamp_ns
         motions = self._streams.motions(start_ns, frame.stamp_ns, self._camera.T_body_cam)
         seen = self._look_at_camera(frame, estimate, motions, start_ns)

@@ -204,6 +204,10 @@ class Joiner:
         ):
             yield self._step(heapq.heappop(self.frames)[1])
 
+    def next_frame(self) -> Frame | None:
+        """The frame that comes out next, where that is certain: with a window, an older one may yet come in."""
+        return self.frames[0][1].frame if self.frames and self.window_ns == 0 else None
+
     def _is_due(self, frame: Frame, clock_ns: int) -> bool:
         waited_ns = clock_ns - frame.received_ns
         if waited_ns <= self.window_ns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from belie.bridges.board import Picture
@@ -30,14 +30,24 @@ def drawn_picture(picture: Picture) -> RenderableType:
     head = Text(title, style="bold" if picture.watching else "yellow")
     parts: list[RenderableType] = [head, _inputs(picture), _checks(picture), _alerts(picture)]
     if faults:
-        parts.append(Panel("\n".join(faults), title="faults of the last 10 s", border_style="yellow"))
+        parts.append(Panel(Text("\n".join(faults)), title="faults of the last 10 s", border_style="yellow"))
     return Group(*parts)
 
 
+def _table(*titles: str, style: str = "") -> Table:
+    # As text: what stands in brackets, a unit or an object's label, is no markup.
+    return Table(*(Column(Text(title)) for title in titles), expand=True, box=None, style=style)
+
+
+def _add(table: Table, *cells: str | Text, style: str | None = None) -> None:
+    table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in cells), style=style)
+
+
 def _inputs(picture: Picture) -> Table:
-    table = Table("input", "rate [Hz]", "age [s]", "received", "dropped", "lost", expand=True, box=None)
+    table = _table("input", "rate [Hz]", "age [s]", "received", "dropped", "lost")
     for one in picture.inputs:
-        table.add_row(
+        _add(
+            table,
             one.topic,
             "-" if one.rate_hz is None else f"{one.rate_hz:.1f}",
             "never" if one.age_s is None else f"{one.age_s:.2f}",
@@ -50,9 +60,7 @@ def _inputs(picture: Picture) -> Table:
 
 
 def _checks(picture: Picture) -> Table:
-    table = Table(
-        "check", "source", "status", "statistic / threshold", "floor", "reason", expand=True, box=None
-    )
+    table = _table("check", "source", "status", "statistic / threshold", "floor", "reason")
     if picture.answer is None:
         return table
     for check in picture.answer.verdict.checks:
@@ -63,15 +71,15 @@ def _checks(picture: Picture) -> Table:
         )
         source = f"{check.source} {check.object}" if check.object else check.source
         status = Text(check.status.value, style=_STYLE[check.status])
-        table.add_row(check.check, source, status, figures, check.floor or "", check.reason)
+        _add(table, check.check, source, status, figures, check.floor or "", check.reason)
     return table
 
 
 def _alerts(picture: Picture) -> Table:
-    table = Table("alert", "source", "object", "frame", "since [s]", expand=True, box=None, style="red")
+    table = _table("alert", "source", "object", "frame", "since [s]", style="red")
     for frame, alert in list(picture.alerts)[-_ALERTS:]:
         since = f"{alert.onset_ns / 1e9:.2f}"
-        table.add_row(alert.type.value, alert.source, alert.object or "", str(frame), since)
+        _add(table, alert.type.value, alert.source, alert.object or "", str(frame), since)
     return table
 
 

@@ -11,11 +11,23 @@ from belie.bridges.introduction import TF_STATIC
 from belie.bridges.settings import LiveSettings
 from belie.bridges.sinks.diagnostics import DIAGNOSTICS, AlertsSink, DiagnosticsSink
 from belie.bridges.sinks.outlet import Outlet
-from belie.bridges.sinks.sink import Sink
+from belie.bridges.sinks.sink import Sink, SinkBase
 from belie.bridges.wire import Transport
 from belie.recordings import topics as ros
 
 _CLOSE_S = 0.5
+
+
+class _Topic(SinkBase):
+    """One topic of ours, in a thread of its own: a middleware whose peer is slow may block a writer."""
+
+    def __init__(self, outlet: Outlet[bytes]) -> None:
+        self._outlet = outlet
+        self.publish = outlet.give
+
+    def close(self, timeout_s: float) -> None:
+        """Publish what waits, and end the thread."""
+        self._outlet.close(timeout_s)
 
 
 def open_sinks(
@@ -68,22 +80,22 @@ def _sinks(
 ) -> Iterator[Sink]:
     answers = settings.answers
 
-    def publisher(topic: str, message_type: str, *, latched: bool) -> Callable[[bytes], None]:
-        # In a thread of its own: a middleware whose peer is slow may block a writer.
-        publish = transport.advertise(topic, message_type, latched=latched).publish
-        outlet: Outlet[bytes] = Outlet(topic, publish, settings.retry, board.sink(topic), tries=3)
-        return outlet.give
+    def topic_of_ours(topic: str, message_type: str, *, latched: bool) -> _Topic:
+        publisher = transport.advertise(topic, message_type, latched=latched)
+        return _Topic(Outlet(topic, publisher.publish, settings.retry, board.sink(topic), tries=3))
 
+    # Each topic comes before the sink that publishes on it: it is closed even where that one cannot be opened.
     if answers.diagnostics:
-        publish = publisher(answers.diagnostics, DIAGNOSTICS, latched=False)
-        yield DiagnosticsSink(publish, answers, picture)
+        yield (topic := topic_of_ours(answers.diagnostics, DIAGNOSTICS, latched=False))
+        yield DiagnosticsSink(topic.publish, answers, picture)
     if answers.alerts:
-        yield AlertsSink(publisher(answers.alerts, DIAGNOSTICS, latched=True), picture)
+        yield (topic := topic_of_ours(answers.alerts, DIAGNOSTICS, latched=True))
+        yield AlertsSink(topic.publish, picture)
     if answers.annotated:
         from belie.bridges.sinks.annotated import AnnotatedSink
 
-        publish = publisher(answers.annotated, ros.COMPRESSED, latched=False)
-        yield AnnotatedSink(publish, answers.annotated_hz)
+        yield (topic := topic_of_ours(answers.annotated, ros.COMPRESSED, latched=False))
+        yield AnnotatedSink(topic.publish, answers.annotated_hz)
     if json is not None:
         from belie.bridges.sinks.json_lines import JsonLinesSink
 

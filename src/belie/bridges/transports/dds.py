@@ -167,14 +167,18 @@ class DdsTransport:
         from cyclonedds.qos import Policy, Qos
         from cyclonedds.util import duration
 
-        return Qos(
+        history = Policy.History.KeepLast(depth)
+        policies = [
             Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
             Policy.Reliability.Reliable(duration(milliseconds=100))
             if reliable
             else Policy.Reliability.BestEffort,
             Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
-            Policy.History.KeepLast(depth),
-        )
+            history,
+        ]
+        if latched:  # who comes late gets as many as this says, and by default one
+            policies.append(Policy.DurabilityService(duration(seconds=0), history, -1, -1, -1))
+        return Qos(*policies)
 
     def subscribe(
         self, topic: str, message_type: str, receive: Receive, *, latched: bool, depth: int
