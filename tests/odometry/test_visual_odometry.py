@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -155,3 +156,21 @@ def test_new_corners_among_none_but_infinite_ones_are_not_certain():
     odometry._corners.inverse_depth[:] = 0.0
     odometry._take(last, odometry._pyramid)  # finds others in the places of those that are gone
     assert odometry._corners.variance.min() > 0.0
+
+
+def test_passing_a_wall_sideways_is_not_stated_as_a_turn():
+    rng = np.random.default_rng(0)
+    wall = cv2.GaussianBlur(
+        rng.integers(0, 255, (CAMERA.height, 4 * CAMERA.width)).astype(np.uint8), (0, 0), 1.5
+    )
+    odometry = VisualOdometry(CAMERA)
+    unsure = 0
+    for k in range(8):
+        image = np.ascontiguousarray(wall[:, 4 * k : 4 * k + CAMERA.width])
+        estimate = odometry.update(Frame(camera="/c", stamp_ns=k * 10**8, received_ns=0, image=image))
+        if k == 0 or not estimate.inliers:
+            continue
+        unsure += "no baseline" in (estimate.reason or "")
+        rotation = so3_log(estimate.T_prev_cur.R)
+        assert rotation @ np.linalg.solve(estimate.covariance[3:, 3:], rotation) < 9.0
+    assert unsure > 0

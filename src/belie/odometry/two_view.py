@@ -9,10 +9,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from belie.geometry import SE3, FloatArray
+from belie.geometry import SE3, FloatArray, so3_log
 
 _LEAST_POINTS = 12
 _FARTHEST = 1e5  # baselines; OpenCV's own limit of 50 refuses a plain road scene
+_SMALL = 0.01  # flow for which the plane's hidden translation is tried, focal lengths
 _LEAST_AGREEING = 0.5  # of the points; fewer, and the scene is not one rigid thing
 
 
@@ -80,3 +81,27 @@ def rotation_between(
         scale2 = max(9.0 * sigma * sigma, float(np.median(parallax)) ** 2)
         weight = (scale2 / (scale2 + parallax**2)) ** 2
     return R, parallax
+
+
+def hidden_rotation(px: FloatArray) -> float:
+    """Rotation that a sideways translation is taken for, in units of the parallax that it leaves.
+
+    Of a wall seen face on: there all corners flow alike, and what tells the two apart is only that a rotation bends the
+    flow away from the middle of the image. The narrower the view, the less.
+
+    Parameters
+    ----------
+    px : array (N, 2)
+        Undistorted coordinates (X/Z, Y/Z) of the corners.
+
+    Examples
+    --------
+    >>> grid = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), axis=-1).reshape(-1, 2)
+    >>> [round(hidden_rotation(half_width * grid)) for half_width in (1.0, 0.5, 0.25)]
+    [4, 11, 39]
+    """
+    ratios = []
+    for axis in np.eye(2):
+        R, parallax = rotation_between(px, px + _SMALL * axis, 1.0)
+        ratios.append(float(np.linalg.norm(so3_log(R))) / max(float(np.median(parallax)), 1e-3 * _SMALL))
+    return max(ratios)

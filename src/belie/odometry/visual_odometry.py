@@ -16,7 +16,7 @@ from belie.odometry.image_quality import sensor_noise, why_nothing_is_seen
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
-from belie.odometry.two_view import relative_pose_from_scratch, rotation_between
+from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
@@ -26,7 +26,6 @@ _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
-_HIDDEN_TRANSLATION = 3.0  # rotation that a translation may fake, in units of the parallax it leaves
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -259,7 +258,8 @@ class VisualOdometry:
                 self._has_scale = True
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
-        mistaken = (_HIDDEN_TRANSLATION * float(np.median(parallax))) ** 2 + sigma * sigma / len(rays)
+        hidden = hidden_rotation(rays[:, :2]) * float(np.median(parallax))
+        mistaken = hidden**2 + sigma * sigma / len(rays)
         residual = current - _project(rays @ R.T)
         return RelativePose(
             T_cur_prev=SE3(R, np.zeros(3)),
