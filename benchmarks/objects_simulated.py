@@ -215,9 +215,13 @@ def targets(drive: Drive, recording: MemoryRecording, long: int) -> list[Target]
     for k in range(BEFORE, len(plain) - long + 1):
         for actor, o in plain[k].items():
             held = sum(actor in told[i] for i in range(k - BEFORE, k))
-            would = sum(actor in told[i] for i in range(k, k + long))
+            # Under another id it would be told of in spite of the attack.
+            would = sum(told[i].get(actor) == told[k].get(actor) for i in range(k, k + long))
+            same = all(
+                told[i].get(actor, told[k].get(actor)) == told[k].get(actor) for i in range(k, k + long)
+            )
             if (
-                held >= 0.5 * BEFORE and would >= 0.5 * long and actor in told[k]
+                held >= 0.5 * BEFORE and would >= 0.5 * long and same and actor in told[k]
                 and all(actor in plain[i] for i in range(k - BEFORE, k + long))
             ):  # fmt: skip
                 found.append(Target(actor, k, told[k][actor], o.label, _side(o)))

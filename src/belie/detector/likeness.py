@@ -18,6 +18,7 @@ from belie.types import GrayImage
 VOUCHES = 5.0  # nats: a detector's track goes over to another object some 5 times an hour; 0.03 may be accused for it
 _GONE = -3.0  # nats; odds of one in twenty
 _MOST = 3.0  # nats a message
+_FIRST, _EVERY = 6, 4  # messages in which its own correlations are learned
 _PRIOR = 4.0  # messages that these expectations weigh:
 _SAME, _OTHER = 0.7, 0.3  # correlation with itself and with what is beside it
 _SIGMA = 0.17  # of both, as measured on walking people 0.3 s apart and on parked cars
@@ -30,13 +31,17 @@ class Likeness:
     `evidence`: log-likelihood ratio, nats, that the box shows the object, summed over the messages that misname it.
     """
 
-    picture: GrayImage | None = None
+    seen: tuple[ImageStack, FloatArray] | None = (
+        None  # image and box: its picture is cut out when somebody asks
+    )
     evidence: float = 0.0
     score: float = 0.0
     _same: float = _SAME * _PRIOR
     _other: float = _OTHER * _PRIOR
     _count: float = _PRIOR
     _count_other: float = _PRIOR
+    _messages: int = 0
+    _picture: GrayImage | None = None
 
     @property
     def vouches(self) -> bool:
@@ -53,10 +58,19 @@ class Likeness:
         """What the picture scores beside the object."""
         return self._other / self._count_other
 
+    @property
+    def picture(self) -> GrayImage | None:
+        """Of the object when it was last detected; None where nothing is seen in it."""
+        if self.seen is not None:
+            self._picture, self.seen = picture_of(*self.seen), None
+        return self._picture
+
     def learn(self, stack: ImageStack, box_px: FloatArray) -> None:
-        """Take its picture anew; how well did the last one fit, and how well what is beside the object."""
+        """Take its picture anew; now and then learn how well the last one fits, and what is beside the object."""
         self.evidence = 0.0
-        if self.picture is not None:
+        self._messages += 1
+        asks = self._messages <= _FIRST or self._messages % _EVERY == 0
+        if asks and self.picture is not None:
             self._same += best_match(stack, self.picture, box_px)
             self._count += 1.0
             width = box_px[2] - box_px[0]
@@ -65,7 +79,7 @@ class Likeness:
                 if beside[0] >= 0.0 and beside[2] <= stack.size[0]:
                     self._other += best_match(stack, self.picture, beside)
                     self._count_other += 1.0
-        self.picture = picture_of(stack, box_px)
+        self.seen = stack, box_px
 
     def look(self, stack: ImageStack, box_px: FloatArray) -> None:
         """A message misnames it: add what its picture says."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from belie.checks.objects import ErrorTest, ObjectSettings, PhantomTest
+from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
+from belie.geometry.boxes import inside, longer_side
 from belie.odometry.local_features import ImageStack, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
@@ -21,6 +22,9 @@ _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain 
 _PROVEN = 2  # detections
 _LEAST_CORNERS = 4
 _SPREAD = 0.9
+_LOST = 2  # corners
+_RESTS = 4  # frames
+_EDGE = 0.1  # of the side: two standard deviations of a detected edge
 _LEAD = 0.3
 
 
@@ -62,6 +66,14 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    searched: tuple[int, int] = (
+        0,
+        0,
+    )  # corners after the last search, and the frame count when another may find more
+    covers: FloatArray = field(
+        default_factory=lambda: np.empty((0, 4))
+    )  # that may hide it, at the last message
+    cover: CoverHabit = field(default_factory=CoverHabit)
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
@@ -82,19 +94,22 @@ class ObjectTrack:
         step_s = (stamp_ns - self.history[-1][0]) * 1e-9 if self.history else 0.0
         if self.speed_px_s is not None and self.is_soft:
             self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
+        leads = self._leads() if self.hiding.length else None
         motion = follow_object(
-            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings
+            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings, leads
         )
         self.motion, self.view, self.told_px = motion, motion.view, None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
-        leads = (
+        is_led = (
             self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
         )
-        if motion.error_px2 is not None and leads:
+        if motion.error_px2 is not None and is_led:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
             self.shift_px = motion.shift_px
-        self.box_px = motion.box_px if leads else motion.predicted_box_px
+        else:
+            self.growth = 1.0  # what is not seen to grow may be covered: it must not fill the image
+        self.box_px = motion.box_px if is_led else motion.predicted_box_px
         self.corners_px = motion.found_px
         self._keep(motion.agreeing, self.ages)
         self.contrast = motion.contrast
@@ -116,6 +131,14 @@ class ObjectTrack:
             return self.history[-1][1]
         return min(self.history, key=lambda entry: abs(entry[0] - stamp_ns))[1]
 
+    def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
+        """Share of its proven corners in a box that was told when its own was `own_px`; 1 if there are too few."""
+        places = self.places[self.ages >= _PROVEN]
+        if len(places) < _LEAST_CORNERS or self.motion is None or self.motion.error_px2 is None:
+            return 1.0
+        px = own_px[:2] - 0.5 + places * (own_px[2:] - own_px[:2])
+        return float((np.abs(places_in(box_px, px) - 0.5) < 0.5 + _EDGE).all(axis=1).mean())
+
     @property
     def group(self) -> str:
         """What it is: the group of labels that most detections, by weight, gave it."""
@@ -124,7 +147,11 @@ class ObjectTrack:
     @property
     def proven(self) -> int:
         """How many corners have ridden with the detected box long enough to be the object's, not the background's."""
-        return int(np.count_nonzero(self.ages >= _PROVEN))
+        return int(np.count_nonzero(self._leads()))
+
+    def _leads(self) -> npt.NDArray[np.bool_]:
+        proven = self.ages >= _PROVEN
+        return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
     @property
     def is_soft(self) -> bool:
@@ -134,11 +161,11 @@ class ObjectTrack:
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
         own, told, now = self.box_at(stamp_ns).tolist(), box_then_px.tolist(), self.box_px.tolist()
+        growth = [(now[k + 2] - now[k]) / max(own[k + 2] - own[k], 1.0) for k in (0, 1)]
         correction = []
         for k, border in enumerate((0.0, 0.0, *size)):
             is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
-            growth = (now[k % 2 + 2] - now[k % 2]) / max(own[k % 2 + 2] - own[k % 2], 1.0)
-            correction.append(0.0 if is_cut else growth * (told[k] - own[k]))
+            correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
         # Corrections that come late add up before they are seen to work: half of each, as for well-followed objects.
         is_late = bool(self.history) and stamp_ns < self.history[-1][0]
         weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
@@ -163,18 +190,43 @@ class ObjectTrack:
             self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
         self.told_middle = middle
 
-    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
-        """Drop corners that do not ride with the box, and find new ones; only while it is detected."""
+    def renew(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+        """It was told of: drop corners that do not ride with the box, and find new ones.
+
+        `covers`: boxes (N, 4) of others that may cover it; corners in them are those of the nearer object.
+        """
         places = self._places_of(self.corners_px)
         rides = (np.abs(places - self.places) < _RIDES).all(axis=1)
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
+        self.covers = covers
+        self._search(current, settings, frame)
+        self.ages[inside(self.corners_px, covers)] = 0
+        self.told_before = None if self.told_px is None else (frame, self.told_px)
+        self.corners_then = self.proven
+        self.contrast_then = self.contrast
+
+    def miss(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+        """It was not told of: corners that move as those that spoke for it till now speak for it, too.
+
+        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them.
+        """
+        self.covers = covers
+        if self.proven >= _LEAST_CORNERS:
+            self.ages = self.ages + 1
+            self._search(current, settings, frame)
+
+    def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
-        if missing > settings.corners // 4:
+        # Where the last search found all there is, another one does so only when some are lost, or after a while.
+        again = len(self.corners_px) < self.searched[0] - _LOST or frame >= self.searched[1]
+        if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
             window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
-            fresh = local_corners(picture, window, inner, missing, self.corners_px)
+            fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
+            fresh = fresh[~inside(fresh, self.covers)]
+            self.searched = len(self.corners_px) + len(fresh), frame + (1 if len(fresh) else _RESTS)
             self.corners_px = np.concatenate([self.corners_px, fresh])
             self.places = np.concatenate([self.places, self._places_of(fresh)])
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
@@ -183,12 +235,12 @@ class ObjectTrack:
             self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
                 self.contrast = contrast_of(picture)
-        self.told_before = None if self.told_px is None else (frame, self.told_px)
-        self.corners_then = self.proven
-        self.contrast_then = self.contrast
 
-    def absence(self, size: tuple[int, int], settings: ObjectSettings) -> str:
-        """Why its absence from a message may be fair; empty where its pixels say that it is there."""
+    def absence(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool = True) -> str:
+        """Why its absence from a message may be fair; empty where its pixels say that it is there.
+
+        `by_boxes`: do not believe corners in boxes of others that may cover it.
+        """
         if self.weight < settings.established:
             return "not yet established"
         side = longer_side(self.box_px)
@@ -198,9 +250,11 @@ class ObjectTrack:
             return "leaving the view"
         if self.corners_then < _LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
-        proven = self.proven
+        proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
         there = proven / self.corners_then
         if there < settings.least_present or proven < _LEAST_CORNERS:
+            if self.is_soft:  # some are lost in every image: that tells nothing
+                return f"too few corners on it: {proven} of {self.corners_then} are found again"
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
         if self.contrast < settings.least_contrast * self.contrast_then:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
@@ -219,16 +273,6 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     left, top, right, bottom = box_px.tolist()
     size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
     return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
-
-
-def longer_side(box_px: FloatArray) -> float:
-    """Of a box, px.
-
-    >>> longer_side(np.array([0.0, 0.0, 10.0, 20.0]))
-    20.0
-    """
-    left, top, right, bottom = box_px.tolist()
-    return float(max(right - left, bottom - top))
 
 
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:

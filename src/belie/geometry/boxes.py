@@ -6,11 +6,12 @@ A box is left, top, right, bottom edge in pixels, shape (4,); pixel i covers i t
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from belie.geometry.camera import CameraModel
+from belie.geometry.compiled import compiled
 from belie.geometry.projection import flat_camera
 from belie.geometry.se3 import SE3, FloatArray
 
@@ -134,3 +135,55 @@ def _in_front(corners: FloatArray, samples: int) -> FloatArray:
     a, b = a[crosses], b[crosses]
     share = (_NEAR_M - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
     return np.concatenate([along[along[:, 2] >= _NEAR_M], a + share * (b - a)])
+
+
+def longer_side(box_px: FloatArray) -> float:
+    """Of a box, px.
+
+    >>> longer_side(np.array([0.0, 0.0, 10.0, 20.0]))
+    20.0
+    """
+    left, top, right, bottom = box_px.tolist()
+    return float(max(right - left, bottom - top))
+
+
+@compiled()
+def overlaps(a: Any, b: Any) -> tuple[Any, Any]:
+    """Intersection over union of every box of `a` with every one of `b`, and the share of `a` that `b` covers.
+
+    Both of shape (len(a), len(b)).
+
+    >>> iou, share = overlaps(np.array([[0.0, 0, 2, 2]]), np.array([[1.0, 0, 3, 2]]))
+    >>> iou.round(2), share
+    (array([[0.33]]), array([[0.5]]))
+    """
+    iou = np.zeros((a.shape[0], b.shape[0]))
+    share = np.zeros((a.shape[0], b.shape[0]))
+    for i in range(a.shape[0]):
+        area = (a[i, 2] - a[i, 0]) * (a[i, 3] - a[i, 1])
+        for j in range(b.shape[0]):
+            width = min(a[i, 2], b[j, 2]) - max(a[i, 0], b[j, 0])
+            height = min(a[i, 3], b[j, 3]) - max(a[i, 1], b[j, 1])
+            if width > 0.0 and height > 0.0:
+                common = width * height
+                other = (b[j, 2] - b[j, 0]) * (b[j, 3] - b[j, 1])
+                iou[i, j] = common / max(area + other - common, 1e-9)
+                share[i, j] = common / max(area, 1e-9)
+    return iou, share
+
+
+@compiled()
+def inside(px: Any, boxes: Any) -> Any:
+    """Which pixels (N, 2) lie in one of the boxes (M, 4), shape (N,).
+
+    >>> inside(np.array([[1.0, 1.0], [5.0, 1.0]]), np.array([[0.0, 0.0, 3.0, 3.0]]))
+    array([ True, False])
+    """
+    found = np.zeros(px.shape[0], np.bool_)
+    for k in range(px.shape[0]):
+        x, y = px[k, 0] + 0.5, px[k, 1] + 0.5
+        for j in range(boxes.shape[0]):
+            if boxes[j, 0] < x < boxes[j, 2] and boxes[j, 1] < y < boxes[j, 3]:
+                found[k] = True
+                break
+    return found

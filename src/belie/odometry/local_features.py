@@ -8,13 +8,14 @@ corners, and cost the same.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 
-from belie.geometry import FloatArray
+from belie.geometry import FloatArray, compiled
 from belie.odometry.corner_selection import corner_scores, spread_evenly
 from belie.types import GrayImage, read_only
 
@@ -22,9 +23,41 @@ SIDE_PX = 64.0  # of an object in its window (root of the area)
 _MARGIN_PX = 26.0  # around it: half a patch, and how far a corner may stray from its prediction
 _MOST_ENLARGED = 2.0  # beyond, there is nothing but interpolation
 _LONGEST_PX = 150.0
-_FAST_THRESHOLDS = (14, 7)  # gray; the second where the first finds too few
-_LEAST_SCORE = 4.0  # gray²; sensor noise of 2 gray levels gives 2
+_FAST_THRESHOLDS = (7.0, 3.5)  # times the noise; the second where the first finds too few
+_LEAST_SCORE = 1.0  # times the variance of the noise, which alone gives half of it
+_MOST_NOISE, _LEAST_NOISE = (
+    2.0,
+    0.5,
+)  # gray; beyond, patches are verified anyway; below, gray levels are rounded
+_SAMPLES = 5000  # of the image, that tell its noise within 2 %
 _SPACING_PX = 5.0
+
+
+@compiled()
+def _noise(image: Any, stride: int) -> float:
+    """Standard deviation of the sensor's noise, gray: what a Laplacian that ignores edges and slopes leaves.
+
+    Immerkaer, "Fast noise variance estimation", CVIU 64, 1996; by the median, which texture moves less than the mean.
+    """
+    histogram = np.zeros(512, np.int64)
+    count = 0
+    for y in range(1, image.shape[0] - 1, stride):
+        for x in range(1, image.shape[1] - 1, stride):
+            around = np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
+            corners = (
+                np.int64(image[y - 1, x - 1])
+                + image[y - 1, x + 1]
+                + image[y + 1, x - 1]
+                + image[y + 1, x + 1]
+            )
+            histogram[min(abs(4 * np.int64(image[y, x]) - 2 * around + corners), 511)] += 1
+            count += 1
+    below = 0
+    for value in range(512):
+        below += histogram[value]
+        if 2 * below >= count:
+            return value / (6.0 * 0.6745)
+    return 0.0
 
 
 class ImageStack:
@@ -41,6 +74,12 @@ class ImageStack:
         self._levels = [image]
         if half is not None and half.shape == (image.shape[0] // 2, image.shape[1] // 2):
             self._levels.append(half)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the sensor's noise, gray, within what corners are judged by."""
+        stride = max(1, round(math.sqrt(self._levels[0].size / _SAMPLES)))
+        return float(min(max(_noise(self._levels[0], stride), _LEAST_NOISE), _MOST_NOISE))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -59,6 +98,33 @@ class ImageStack:
         return self._levels[k]
 
 
+@compiled(reassociate=True)
+def _resampled(picture: Any, left: float, top: float, dx: float, dy: float, height: int, width: int) -> Any:
+    """Pixels (top + i dy, left + j dx) of a picture, between its own by linear interpolation; its border goes on."""
+    columns = np.empty(width, np.int64)
+    weights = np.empty(width, np.int32)
+    last = picture.shape[1] - 1
+    for j in range(width):
+        x = min(max(left + j * dx, 0.0), float(last))
+        columns[j] = min(int(x), last - 1)
+        weights[j] = int((x - columns[j]) * 256.0 + 0.5)
+    x0, x1 = columns[0], columns[width - 1] + 2
+    columns -= x0
+    row = np.empty(x1 - x0, np.int32)
+    out = np.empty((height, width), np.uint8)
+    for i in range(height):
+        y = min(max(top + i * dy, 0.0), float(picture.shape[0] - 1))
+        y0 = min(int(y), picture.shape[0] - 2)
+        v = np.int32(int((y - y0) * 256.0 + 0.5))
+        above, below = picture[y0, x0:x1], picture[y0 + 1, x0:x1]
+        for k in range(x1 - x0):  # vector code; the loop below has to gather
+            row[k] = np.int32(above[k]) * (np.int32(256) - v) + np.int32(below[k]) * v
+        for j in range(width):
+            k, w = columns[j], weights[j]
+            out[i, j] = (row[k] * (np.int32(256) - w) + row[k + 1] * w + np.int32(32768)) >> np.int32(16)
+    return out
+
+
 @dataclass(frozen=True, slots=True)
 class Window:
     """A piece of the image around an object, at a scale of its own.
@@ -71,21 +137,21 @@ class Window:
     scale: float
     shape: tuple[int, int]
 
+    origin_px: FloatArray = field(init=False)  # where image pixel (0, 0) lies in the window
+
+    def __post_init__(self) -> None:
+        x, y = self.centre_px.tolist()
+        height, width = self.shape
+        left, top = (0.5 - x) * self.scale + 0.5 * width - 0.5, (0.5 - y) * self.scale + 0.5 * height - 0.5
+        object.__setattr__(self, "origin_px", np.array([left, top]))
+
     def to_window(self, px: FloatArray) -> FloatArray:
         """Image pixels to window pixels; pixel centres at integers in both."""
-        return np.asarray(px * self.scale + self._origin())
+        return np.asarray(px * self.scale + self.origin_px)
 
     def to_image(self, px: FloatArray) -> FloatArray:
         """Window pixels to image pixels."""
-        return np.asarray((px - self._origin()) / self.scale)
-
-    def _origin(self) -> FloatArray:
-        """Where image pixel (0, 0) lies in the window."""
-        x, y = self.centre_px.tolist()
-        height, width = self.shape
-        return np.array(
-            [(0.5 - x) * self.scale + 0.5 * width - 0.5, (0.5 - y) * self.scale + 0.5 * height - 0.5]
-        )
+        return np.asarray((px - self.origin_px) / self.scale)
 
     def cut(self, stack: ImageStack) -> GrayImage:
         """The window's picture; beyond the image its border goes on."""
@@ -98,12 +164,7 @@ class Window:
         height, width = self.shape
         left = ((0.5 - 0.5 * width) / self.scale + x) * a - 0.5
         top = ((0.5 - 0.5 * height) / self.scale + y) * b - 0.5
-        m = np.array([[a / self.scale, 0.0, left], [0.0, b / self.scale, top]])
-        window = cv2.warpAffine(
-            picture, m, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
-        return read_only(np.asarray(window, dtype=np.uint8))
+        return read_only(_resampled(picture, left, top, a / self.scale, b / self.scale, height, width))
 
 
 def window_of(box_px: FloatArray) -> Window:
@@ -125,7 +186,7 @@ def _fast(threshold: int) -> cv2.FastFeatureDetector:
 
 
 def local_corners(
-    picture: GrayImage, window: Window, box_px: FloatArray, wanted: int, occupied_px: FloatArray
+    picture: GrayImage, window: Window, box_px: FloatArray, wanted: int, occupied_px: FloatArray, noise: float
 ) -> FloatArray:
     """Corners inside a box, ``k^L`` of equation (7), image pixels, shape (N, 2).
 
@@ -139,6 +200,8 @@ def local_corners(
         At most so many.
     occupied_px : array (M, 2)
         Corners that are followed already, image pixels: none is found near them.
+    noise : float
+        Of the image, gray: fog leaves little contrast, but little noise, too.
     """
     low = np.maximum(window.to_window(box_px[:2] - 0.5), 4.0)
     limit = np.array([picture.shape[1], picture.shape[0]]) - 5.0
@@ -148,7 +211,7 @@ def local_corners(
         return np.empty((0, 2))
     px = np.empty((0, 2), np.float32)
     for threshold in _FAST_THRESHOLDS:
-        found = _fast(threshold).detect(picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3])
+        found = _fast(round(threshold * noise)).detect(picture[y0 - 3 : y1 + 3, x0 - 3 : x1 + 3])
         if found:
             px = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2)
             px += np.array([x0 - 3, y0 - 3], np.float32)
@@ -159,8 +222,9 @@ def local_corners(
     if len(px) == 0:
         return np.empty((0, 2))
     scores = corner_scores(picture, px)
+    taken = window.to_window(occupied_px.reshape(-1, 2)).astype(np.float32)
+    order, least = np.argsort(-scores, kind="stable"), _LEAST_SCORE * noise**2
     kept = spread_evenly(
-        px, scores, np.argsort(-scores, kind="stable"), _LEAST_SCORE, picture.shape[1], picture.shape[0], wanted,
-        _SPACING_PX, window.to_window(occupied_px.reshape(-1, 2)).astype(np.float32), _SPACING_PX,
-    )  # fmt: skip
+        px, scores, order, least, picture.shape[1], picture.shape[0], wanted, _SPACING_PX, taken, _SPACING_PX
+    )
     return window.to_image(px[kept].astype(np.float64))

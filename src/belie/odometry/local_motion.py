@@ -178,6 +178,7 @@ def follow_object(
     growth: float,
     shift_px: FloatArray,
     settings: TrackingSettings,
+    leads: npt.NDArray[np.bool_] | None = None,
 ) -> LocalMotion:
     """Follow one object from image to image.
 
@@ -189,6 +190,8 @@ def follow_object(
         The object in the previous image.
     growth, shift_px : float, array (2,)
         Its last motion, which is expected to go on: growth of its size, shift of its middle.
+    leads : array (N,) or None
+        Corners that are sure to be the object's: they alone say how it moves.
 
     Examples
     --------
@@ -213,8 +216,14 @@ def follow_object(
     new_growth, new_shift = growth, np.asarray(shift_px, dtype=np.float64)
     box = predicted_box
     if verified.any():
-        c, s, tx, ty, agree, squared = _fit_similarity(start[verified], found[verified], _TOLERANCE_PX)
-        agreeing[verified] = agree
+        voters = verified
+        if leads is not None and np.count_nonzero(verified & leads) >= _LEAST_AGREEING:
+            voters = verified & leads
+        c, s, tx, ty, agree, squared = _fit_similarity(start[voters], found[voters], _TOLERANCE_PX)
+        agreeing[voters] = agree
+        if voters is not verified:
+            off = start @ np.array([[c, s], [-s, c]]) + np.array([tx, ty]) - found
+            agreeing |= verified & ~voters & ((off * off).sum(axis=1) <= _TOLERANCE_PX**2)
         if np.count_nonzero(agree) >= _LEAST_AGREEING:
             middle = 0.5 * (box_px[:2] + box_px[2:])
             x, y = before.to_window(middle - 0.5)

@@ -1,6 +1,7 @@
 """Checks of object detections, section III-C: hiding, misclassification, injection."""
 
 from belie.checks.objects.class_groups import ClassGroups
+from belie.checks.objects.cover import CoverHabit
 from belie.checks.objects.habits import Counts, ErrorTest, Habit, run_threshold
 from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
@@ -8,6 +9,7 @@ from belie.checks.objects.settings import ObjectSettings
 __all__ = [
     "ClassGroups",
     "Counts",
+    "CoverHabit",
     "ErrorTest",
     "Habit",
     "ObjectSettings",

@@ -78,23 +78,35 @@ class Habit:
         self.stream.right += 1.0
         own.right += 1.0
 
-    def wrong(self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3) -> float:
+    def wrong(
+        self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3, covered: float = 0.0
+    ) -> float:
         """Log-likelihood ratio, nats, of an attack by a message in error, after one in error or a right one.
 
-        `side_px` of the object: what is hard to see because it is small stays hard to see.
+        `side_px` of the object: what is hard to see because it is small stays hard to see. `covered`: probability that
+        it is missed because others cover it.
         """
-        return math.log((1.0 - _LAPSE) / self._errs(own, after_error, interval_s, side_px))
+        return math.log((1.0 - _LAPSE) / self._errs(own, after_error, interval_s, side_px, covered))
 
     def right(self, own: Counts, after_error: bool, interval_s: float, side_px: float = 1e3) -> float:
         """Log-likelihood ratio, nats, of an attack by a message without error; never speaks for one."""
-        return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px))), 0.0)
+        return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px, 0.0))), 0.0)
 
-    def _errs(self, own: Counts, after_error: bool, interval_s: float, side_px: float) -> float:
-        if not after_error:
-            return self._begins(own)
-        hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
-        lasts = self._lasts(own, interval_s)
-        return _bounded(lasts + (1.0 - lasts) * hard)
+    def unexplained(
+        self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
+    ) -> float:
+        """Share of an error that neither its size nor its cover explains: only that is the detector's habit."""
+        itself = self._errs(own, after_error, interval_s, math.inf, 0.0)
+        return itself / self._errs(own, after_error, interval_s, side_px, covered)
+
+    def _errs(
+        self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
+    ) -> float:
+        hard, itself = 0.0, self._begins(own)
+        if after_error:
+            hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
+            itself = self._lasts(own, interval_s)
+        return _bounded(1.0 - (1.0 - itself) * (1.0 - hard) * (1.0 - covered))
 
     def share(self) -> float:
         """Share of the messages about objects that err, by the stream and what was expected of it."""
@@ -188,20 +200,23 @@ class ErrorTest:
         stamp_ns: int,
         side_px: float = 1e3,
         *,
+        covered: float = 0.0,
         vouched: bool = True,
     ) -> bool:
         """A message in error, though the pixels tell otherwise; True once it is accused.
 
-        `vouched`: the pixels are sure; nobody is accused before.
+        `covered`: probability that it is missed because others cover it; `vouched`: the pixels are sure; nobody is
+        accused before.
         """
         if self.errors == 0:
             self.onset_ns = stamp_ns
-        told = self.habit.wrong(self.own, self.length > 0, interval_s, side_px)
+        told = self.habit.wrong(self.own, self.length > 0, interval_s, side_px, covered)
         self.statistic = max(self.statistic + told, 0.0)
+        share = self.habit.unexplained(self.own, self.length > 0, interval_s, side_px, covered)
         if self.length:
-            self._seen.lasted += 1.0
+            self._seen.lasted += share
         else:
-            self._seen.begun += 1.0
+            self._seen.begun += share
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
         self.peak, self.threshold = max(self.peak, self.statistic), threshold
         self.accused = self.accused or (vouched and self.statistic >= threshold)

@@ -1,0 +1,148 @@
+"""What is said about the objects of a detector: one result a check, and one for every object that is lied about."""
+
+from __future__ import annotations
+
+from belie.checks.objects import ErrorTest, Habit
+from belie.detector.alerts import Judgement
+from belie.detector.object_stream import ObjectStream
+from belie.detector.object_track import ObjectTrack
+from belie.geometry import FloatArray
+from belie.types import CheckResult, Status
+
+_LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
+_SILENT = 5.0  # its usual intervals
+
+
+def answer(stream: ObjectStream, frame_ns: int, size: tuple[int, int]) -> list[Judgement]:
+    """One result a check, and one for every object that is lied about."""
+    silent_ns = max(_LONGEST_NS, int(_SILENT * stream.interval_s * 1e9))
+    if stream.last_ns is None or frame_ns - stream.last_ns > silent_ns:
+        since = "yet" if stream.last_ns is None else f"for {(frame_ns - stream.last_ns) * 1e-9:.1f} s"
+        return withhold(stream, f"no message {since}")
+    return [*_hiding(stream, size), *_naming(stream), *_injection(stream)]
+
+
+def withhold(stream: ObjectStream, reason: str) -> list[Judgement]:
+    """UNDECIDED, for all checks."""
+    return [
+        Judgement(result=CheckResult(
+            check=check, source=stream.source, status=Status.UNDECIDED, unit="llr", reason=reason))
+        for check in ("hiding", "misclassification", "injection")
+    ]  # fmt: skip
+
+
+def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
+    threshold = stream.threshold("hiding")
+    floor = _floor(stream, stream.missed, threshold)
+    accused: list[Judgement] = []
+    doubtful: list[str] = []
+    explained: list[str] = []
+    worst: ObjectTrack | None = None
+    for track in stream.tracks:
+        if track.hiding.accused:
+            accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
+                check="hiding", source=stream.source, status=Status.CONTRADICTED,
+                statistic=track.hiding.statistic, threshold=threshold, unit="llr", floor=floor,
+                reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
+                f"{_share(track.hiding)}, but {_there(track)}; the detector's own habit explains "
+                "fewer", object=track.name)))  # fmt: skip
+        elif track.last_seen_ns < (stream.last_ns or 0) and track.weight >= stream.settings.established:
+            fair = track.absence(size, stream.settings)
+            if not fair and len(track.covers) and not track.hiding.errors:
+                fair = "covered by another detection, and never told of while it was"
+            if fair:
+                # Where its pixels have told that it is not there to be seen, there is no doubt.
+                undecided = fair.startswith(("too few", "fading"))
+                (doubtful if undecided else explained).append(
+                    f"{track.label} {track.name} is missing: {fair}"
+                )
+        if not track.hiding.accused and (worst is None or track.hiding.statistic > worst.hiding.statistic):
+            worst = track
+    if accused:
+        return accused
+    status = Status.UNDECIDED if doubtful else Status.CONSISTENT
+    usual = f"{len(stream.tracks)} objects, none missing longer than usual"
+    reason = [*doubtful, *explained, usual][0]
+    return [Judgement(result=CheckResult(
+        check="hiding", source=stream.source, status=status, threshold=threshold, unit="llr", floor=floor,
+        statistic=worst.hiding.statistic if worst else 0.0, reason=reason,
+        object=worst.name if worst and worst.hiding.errors else None))]  # fmt: skip
+
+
+def _naming(stream: ObjectStream) -> list[Judgement]:
+    threshold = stream.threshold("misclassification")
+    floor = _floor(stream, stream.misnamed, threshold)
+    accused = [
+        Judgement(onset_ns=track.naming.onset_ns, result=CheckResult(
+            check="misclassification", source=stream.source, status=Status.CONTRADICTED,
+            statistic=track.naming.statistic, threshold=threshold, unit="llr", floor=floor,
+            reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
+            f"{_share(track.naming)}, but its pixels are the same: {_there(track)}",
+            object=track.name))
+        for track in stream.tracks if track.naming.accused
+    ]  # fmt: skip
+    if accused:
+        return accused
+    worst = max(stream.tracks, key=lambda track: track.naming.statistic, default=None)
+    status, reason = Status.CONSISTENT, f"{len(stream.tracks)} objects keep their names"
+    if worst is not None and worst.naming.is_open:
+        status = Status.UNDECIDED
+        reason = (
+            f"{worst.label} {worst.name} is called {worst.called} in {_share(worst.naming)}: "
+            "its pixels do not tell whether it is the same object"
+        )
+    return [Judgement(result=CheckResult(
+        check="misclassification", source=stream.source, status=status, threshold=threshold,
+        unit="llr", floor=floor, statistic=worst.naming.statistic if worst else 0.0, reason=reason,
+        object=worst.name if worst and worst.naming.errors else None))]  # fmt: skip
+
+
+def _injection(stream: ObjectStream) -> list[Judgement]:
+    threshold = stream.threshold("injection")
+    accused = [
+        Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
+            check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
+            threshold=threshold, unit="llr", object=track.name,
+            reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
+            "box lie on the ground or the wall behind it"))
+        for track in stream.tracks if track.phantom.accused
+    ]  # fmt: skip
+    if accused:
+        return accused
+    told = [track for track in stream.tracks if track.last_seen_ns == stream.last_ns]
+    unseen = [track for track in told if track.phantom.why]
+    worst = max(told, key=lambda track: track.phantom.statistic, default=None)
+    status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
+    reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
+    if status is Status.UNDECIDED:
+        reason = f"no box can be told from what is behind it: {unseen[0].phantom.why}"
+    return [Judgement(result=CheckResult(
+        check="injection", source=stream.source, status=status, threshold=threshold, unit="llr",
+        statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
+
+
+def _floor(stream: ObjectStream, habit: Habit, threshold: float) -> str | None:
+    """Shortest run that would be accused."""
+    if not stream.interval_s:
+        return None
+    test = ErrorTest(habit)
+    while not test.wrong(stream.interval_s, threshold, 0) and test.errors < 1000:
+        pass
+    return f"{test.errors * stream.interval_s:.1f} s"
+
+
+def _where(box: FloatArray) -> str:
+    return "at [" + ", ".join(f"{edge:.0f}" for edge in box) + "] px"
+
+
+def _share(test: ErrorTest) -> str:
+    return f"{test.errors} of the last {test.messages} messages"
+
+
+def _there(track: ObjectTrack) -> str:
+    error = track.motion.error_px2 if track.motion is not None else None
+    fit = "" if error is None else f", e^L {error:.2f} px²"
+    if track.is_soft and track.likeness.evidence > 0.0:
+        likeness = track.likeness
+        return f"the picture fits (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
+    return f"{track.proven} of {track.corners_then} corners on it move on as one{fit}"

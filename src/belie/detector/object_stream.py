@@ -1,0 +1,280 @@
+"""All objects of one detector: followed by their own pixels, and its messages held against them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
+from belie.detector.association import assign
+from belie.detector.covering import Covering
+from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.scene_witness import SceneWitness
+from belie.geometry import CameraModel, FloatArray
+from belie.geometry.boxes import longer_side, projected_box_px
+from belie.odometry.local_features import ImageStack
+from belie.odometry.tracking import TrackingSettings
+from belie.types import (
+    Detection,
+    DetectionClaim,
+)
+
+_FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
+_HALF_SIGHT_PX = 24.0  # side at which a label counts half
+_LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
+_FULL_VOTE = 2.0  # of a sure detection of a large object
+_APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
+_STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_BY_CORNERS = (
+    "too few corners",
+    "occluded or gone",
+)  # reasons to doubt a new name that its whole picture may refute
+_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_BY_CORNERS = (
+    "too few corners",
+    "occluded or gone",
+)  # reasons to doubt a new name that its whole picture may refute
+_RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
+
+
+@dataclass(slots=True)
+class ObjectStream:
+    """All objects of one detector."""
+
+    source: str
+    camera: CameraModel
+    settings: ObjectSettings
+    tracking: TrackingSettings
+    false_alarms_per_hour: float
+    scene: SceneWitness
+    tracks: list[ObjectTrack] = field(default_factory=list)
+    waiting: list[DetectionClaim] = field(default_factory=list)
+    last_ns: int | None = None
+    interval_s: float = 0.0
+    crowd: float = 1.0  # objects at a time
+    unboxed: int = 0
+    heard: bool = False  # a message was judged at the last frame
+    missed: Habit = field(init=False)
+    misnamed: Habit = field(init=False)
+    _made: int = 0
+
+    def __post_init__(self) -> None:
+        s = self.settings
+        self.missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px)
+        self.misnamed = Habit(
+            s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px
+        )
+
+    # -- images --------------------------------------------------------------------------------------
+
+    def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
+        """Carry every object to the new image; forget those that are lost or long gone."""
+        # The structure of noise alone is half of its variance; patches must have twice that.
+        least = min(self.tracking.min_eigenvalue, previous.noise**2)
+        tracking = self.tracking.model_copy(update={"min_eigenvalue": least})
+        for track in self.tracks:
+            track.follow(previous, current, stamp_ns, tracking)
+        self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
+
+    def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
+        if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
+            return True
+        known_ns = max(track.last_seen_ns, track.last_found_ns if track.hiding.accused else 0)
+        silent_ns, usual_ns = stamp_ns - known_ns, int(3e9 * self.interval_s)
+        if silent_ns <= max(_FORGET_NS, usual_ns):
+            return False
+        return bool(track.absence(size, self.settings)) or silent_ns > max(5 * _FORGET_NS, usual_ns)
+
+    def unheard(self) -> None:
+        """No message was judged at this frame."""
+        self.heard = False
+        for track in self.tracks:
+            track.told_px = None
+
+    # -- messages ------------------------------------------------------------------------------------
+
+    def hear(self, frame_ns: int, half_ns: int, current: ImageStack) -> None:
+        """Judge every message that belongs to this frame or an earlier one."""
+        self.heard = False
+        self.waiting.sort(key=lambda claim: claim.stamp_ns)
+        while self.waiting and self.waiting[0].stamp_ns <= frame_ns + half_ns:
+            claim = self.waiting.pop(0)
+            if self.last_ns is not None and claim.stamp_ns <= self.last_ns:
+                continue  # told again, or out of order
+            self._judge(claim, current)
+            self.heard = True
+
+    def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
+        if self.last_ns is not None:
+            step_s = (claim.stamp_ns - self.last_ns) * 1e-9
+            self.interval_s = min(step_s, 1.0) if not self.interval_s else self.interval_s
+            self.interval_s += 0.1 * (min(step_s, 1.0) - self.interval_s)
+        self.last_ns = claim.stamp_ns
+        told = [(d, box) for d in claim.detections if (box := self._box(d)) is not None]
+        boxes = np.array([box for _, box in told]).reshape(-1, 4)
+        then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
+        found = assign(
+            then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
+            lambda i, box: self.tracks[i].share_in(box, then[i]),
+        )  # fmt: skip
+        self.crowd += 0.05 * (len(self.tracks) - self.crowd)
+        stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
+        lost = [i for i in range(len(self.tracks)) if i not in found]
+        lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
+        covering = Covering.of(then[lost], lost_stand, boxes, stand)
+        for k, i in enumerate(lost):
+            self._absent(
+                self.tracks[i], claim.stamp_ns, boxes[covering.which[k]], float(covering.share[k]), current
+            )
+        owners, covering = (
+            {self.tracks[i].track_id: self.tracks[i] for i in found},
+            Covering.among(boxes, stand),
+        )
+        for i, j in found.items():
+            track, detection = self.tracks[i], told[j][0]
+            owner = owners.get(detection.track_id)
+            self._present(
+                track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j]]
+            )
+            track.cover_then = float(covering.by_any[j])
+            if covering.share[j] > self.settings.most_covered:
+                track.cover.tell(float(covering.share[j]))
+        for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j]])
+
+    def habits(self) -> dict[str, float]:
+        """How often this detector was seen to err, for how long, and in how many messages about objects."""
+        missed, named = self.missed, self.misnamed
+        interval_s = max(self.interval_s, 1e-3)
+        return {
+            "miss_rate": missed.share(),
+            "confusion_rate": named.share(),
+            "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
+            "messages": missed.stream.right + missed.stream.begun + missed.stream.lasted,
+        }
+
+    def _box(self, detection: Detection) -> FloatArray | None:
+        box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
+        if box is None:
+            self.unboxed += 1
+            return None
+        left, top, right, bottom = box.tolist()
+        left, right = (min(max(x, 0.0), float(self.camera.width)) for x in (left, right))
+        top, bottom = (min(max(y, 0.0), float(self.camera.height)) for y in (top, bottom))
+        fits = right - left >= 4.0 and bottom - top >= 4.0
+        return np.array([left, top, right, bottom]) if fits else None
+
+    def threshold(self, check: str) -> float:
+        """Of an `ErrorTest`, nats, for this stream's share of the false alarms."""
+        rate = self.false_alarms_per_hour * _RATE_SHARE[check]
+        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
+
+    def _absent(
+        self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
+    ) -> None:
+        track.miss(current, self.settings, self.scene.frame, covers)
+        miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
+        if track.absence(current.size, self.settings, by_boxes=False):
+            track.hiding.excuse()
+        elif miss is not None and not track.absence(current.size, self.settings):
+            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
+            track.hiding.wrong(
+                self.interval_s, self.threshold("hiding"), stamp_ns, longer_side(track.box_px), covered=miss
+            )
+
+    def _present(
+        self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
+        current: ImageStack, covers: FloatArray,
+    ) -> None:  # fmt: skip
+        s = self.settings
+        known = track.weight >= s.established
+        group = s.classes.of(detection.label)
+        is_anothers = bool(detection.track_id) and owner is not None and owner is not track
+        swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
+        weight = _weight(detection.score)
+        vote = weight * min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
+        misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
+        track.hiding.right(self.interval_s, longer_side(track.box_px))
+        if not (misnamed or swapped):
+            track.naming.right(self.interval_s)
+            track.called = track.called if track.naming.accused else ""
+        else:
+            fair = track.absence(current.size, s)
+            soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
+            if soft:
+                track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
+                fair = "" if track.likeness.vouches else fair
+            if track.likeness.denies or (fair and not soft):
+                track.naming.excuse()
+            else:
+                track.called = detection.label if misnamed else f"id {detection.track_id}"
+                threshold = self.threshold("misclassification")
+                track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
+        if not swapped and detection.track_id:
+            track.track_id = track.name = detection.track_id
+        # Never learn from what is suspected, where the old name is as well founded as an accusation must be.
+        if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
+            track.votes[group] = track.votes.get(group, 0.0) + vote
+            track.label = track.label if misnamed else detection.label
+        track.weight += weight
+        track.told_px, track.told_label = box, detection.label
+        track.detect(box, stamp_ns, current.size)
+        self._look_behind(track, group, stamp_ns)
+        track.renew(current, s, self.scene.frame, covers)
+        if track.is_soft and not track.naming.errors:
+            track.likeness.learn(current, track.box_px)
+
+    def _is_sure_of(self, track: ObjectTrack) -> bool:
+        """Whether the name it had till now could be the error: by the same test as the new one."""
+        messages = int(track.votes[track.group] / _FULL_VOTE)
+        told = sum(self.misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
+        return told >= self.threshold("misclassification")
+
+    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
+        """Add up what speaks for a box that shows the background only."""
+        track.phantom.why = ""
+        if group not in _STANDING:
+            track.phantom.why = f"a {track.label} need not stand on the ground"
+            return
+        told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        if told == (None, None):
+            track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
+            return
+        # What a detector imagines by itself is short and unsure.
+        sure = track.weight >= self.settings.established
+        track.phantom.add(*told, self.threshold("injection"), stamp_ns, sure=sure)
+
+    def _meet(
+        self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
+    ) -> None:
+        if len(self.tracks) >= self.settings.most_objects:
+            return
+        self._made += 1
+        track = ObjectTrack(
+            name=detection.track_id or f"#{self._made}",
+            track_id=detection.track_id,
+            label=detection.label,
+            box_px=box,
+            hiding=ErrorTest(self.missed),
+            naming=ErrorTest(self.misnamed),
+        )
+        weight = _weight(detection.score)
+        track.weight = weight
+        track.votes[self.settings.classes.of(detection.label)] = weight * min(
+            1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX
+        )
+        track.told_px, track.told_label = box, detection.label
+        track.detect(box, stamp_ns, current.size)
+        track.renew(current, self.settings, self.scene.frame, covers)
+        self.tracks.append(track)
+
+
+def _weight(score: float) -> float:
+    return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
+
+
+def _apart(a: FloatArray, b: FloatArray) -> bool:
+    gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
+    return gap > _APART * (longer_side(a) + longer_side(b))
