@@ -71,11 +71,8 @@ class ObjectStream:
 
     def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
         """Carry every object to the new image; forget those that are lost or long gone."""
-        # The structure of noise alone is half of its variance; patches must have twice that.
-        least = min(self.tracking.min_eigenvalue, previous.noise**2)
-        tracking = self.tracking.model_copy(update={"min_eigenvalue": least})
         for track in self.tracks:
-            track.follow(previous, current, stamp_ns, tracking)
+            track.follow(previous, current, stamp_ns, self.tracking)
         self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 
 from belie.geometry import FloatArray, compiled
 from belie.odometry.corner_selection import corner_scores, spread_evenly
+from belie.odometry.image_quality import sensor_noise
 from belie.types import GrayImage, read_only
 
 SIDE_PX = 64.0  # of an object in its window (root of the area)
@@ -25,39 +26,8 @@ _MOST_ENLARGED = 2.0  # beyond, there is nothing but interpolation
 _LONGEST_PX = 150.0
 _FAST_THRESHOLDS = (7.0, 3.5)  # times the noise; the second where the first finds too few
 _LEAST_SCORE = 1.0  # times the variance of the noise, which alone gives half of it
-_MOST_NOISE, _LEAST_NOISE = (
-    2.0,
-    0.5,
-)  # gray; beyond, patches are verified anyway; below, gray levels are rounded
-_SAMPLES = 5000  # of the image, that tell its noise within 2 %
+_MOST_NOISE = 2.0  # gray; beyond, patches are verified anyway
 _SPACING_PX = 5.0
-
-
-@compiled()
-def _noise(image: Any, stride: int) -> float:
-    """Standard deviation of the sensor's noise, gray: what a Laplacian that ignores edges and slopes leaves.
-
-    Immerkaer, "Fast noise variance estimation", CVIU 64, 1996; by the median, which texture moves less than the mean.
-    """
-    histogram = np.zeros(512, np.int64)
-    count = 0
-    for y in range(1, image.shape[0] - 1, stride):
-        for x in range(1, image.shape[1] - 1, stride):
-            around = np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
-            corners = (
-                np.int64(image[y - 1, x - 1])
-                + image[y - 1, x + 1]
-                + image[y + 1, x - 1]
-                + image[y + 1, x + 1]
-            )
-            histogram[min(abs(4 * np.int64(image[y, x]) - 2 * around + corners), 511)] += 1
-            count += 1
-    below = 0
-    for value in range(512):
-        below += histogram[value]
-        if 2 * below >= count:
-            return value / (6.0 * 0.6745)
-    return 0.0
 
 
 class ImageStack:
@@ -78,8 +48,7 @@ class ImageStack:
     @cached_property
     def noise(self) -> float:
         """Standard deviation of the sensor's noise, gray, within what corners are judged by."""
-        stride = max(1, round(math.sqrt(self._levels[0].size / _SAMPLES)))
-        return float(min(max(_noise(self._levels[0], stride), _LEAST_NOISE), _MOST_NOISE))
+        return min(sensor_noise(self._levels[0]), _MOST_NOISE)
 
     @property
     def size(self) -> tuple[int, int]:
