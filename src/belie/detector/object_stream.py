@@ -136,8 +136,9 @@ class ObjectStream:
                 track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j]]
             )
             track.cover_then = float(covering.by_any[j])
-            if covering.share[j] > self.settings.most_covered:
-                track.cover.tell(float(covering.share[j]))
+            track.hidden_then = float(covering.share[j])
+            if track.hidden_then > self.settings.most_covered:
+                track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j]])
 
@@ -171,7 +172,7 @@ class ObjectStream:
     def _absent(
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
     ) -> None:
-        track.miss(current, self.settings, self.scene.frame, covers)
+        track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         if track.absence(current.size, self.settings, by_boxes=False):
             track.hiding.excuse()

@@ -66,6 +66,7 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    hidden_then: float = 0.0  # the same, under those that may hide it
     searched: tuple[int, int] = (
         0,
         0,
@@ -205,13 +206,16 @@ class ObjectTrack:
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 
-    def miss(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+    def miss(
+        self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray, cover: float
+    ) -> None:
         """It was not told of: corners that move as those that spoke for it till now speak for it, too.
 
-        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them.
+        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them. Not
+        where `cover`, the share of its box that others may hide, is large, or was: most of its box shows other things.
         """
         self.covers = covers
-        if self.proven >= _LEAST_CORNERS:
+        if self.proven >= _LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
