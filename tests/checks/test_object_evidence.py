@@ -95,18 +95,15 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
     assert test.errors == 0
 
 
-def test_misses_that_size_explains_are_no_habit():
-    """An object that flickered while it was small is expected when it is large, and keeps flickering when it is not."""
-    spent = []
-    for side_px in (24.0, 200.0):
+def test_misses_that_cover_explains_are_no_habit():
+    learned = []
+    for covered in (0.0, 0.8):
         habit = Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10)
         test = ErrorTest(habit)
         for letter in "....xxx" * 6 + "....":
             if letter == ".":
-                test.right(0.1, side_px)
+                test.right(0.1)
             else:
-                test.wrong(0.1, 14.6, 0, side_px)
-        spent.append([habit.wrong(test.own, True, 0.1, later_px) for later_px in (24.0, 200.0)])
-    (small_then_small, small_then_large), (_, large_then_large) = spent
-    assert small_then_large > 1.5 * large_then_large
-    assert small_then_small < 1.0
+                test.wrong(0.1, 14.6, 0, covered=covered)
+        learned.append(habit.wrong(test.own, True, 0.1))
+    assert learned[1] > 1.5 * learned[0]

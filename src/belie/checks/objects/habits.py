@@ -95,8 +95,8 @@ class Habit:
     def unexplained(
         self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
     ) -> float:
-        """Share of an error that neither its size nor its cover explains: only that is the detector's habit."""
-        itself = self._errs(own, after_error, interval_s, math.inf, 0.0)
+        """Share of an error that its cover does not explain: only that is the detector's habit."""
+        itself = self._errs(own, after_error, interval_s, side_px, 0.0)
         return itself / self._errs(own, after_error, interval_s, side_px, covered)
 
     def _errs(
