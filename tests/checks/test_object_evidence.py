@@ -93,17 +93,3 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
         test.right(0.1)
     assert not test.is_open
     assert test.errors == 0
-
-
-def test_misses_that_cover_explains_are_no_habit():
-    learned = []
-    for covered in (0.0, 0.8):
-        habit = Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10)
-        test = ErrorTest(habit)
-        for letter in "....xxx" * 6 + "....":
-            if letter == ".":
-                test.right(0.1)
-            else:
-                test.wrong(0.1, 14.6, 0, covered=covered)
-        learned.append(habit.wrong(test.own, True, 0.1))
-    assert learned[1] > 1.5 * learned[0]

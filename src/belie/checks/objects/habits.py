@@ -92,13 +92,6 @@ class Habit:
         """Log-likelihood ratio, nats, of an attack by a message without error; never speaks for one."""
         return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px, 0.0))), 0.0)
 
-    def unexplained(
-        self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
-    ) -> float:
-        """Share of an error that its cover does not explain: only that is the detector's habit."""
-        itself = self._errs(own, after_error, interval_s, side_px, 0.0)
-        return itself / self._errs(own, after_error, interval_s, side_px, covered)
-
     def _errs(
         self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
     ) -> float:
@@ -212,11 +205,10 @@ class ErrorTest:
             self.onset_ns = stamp_ns
         told = self.habit.wrong(self.own, self.length > 0, interval_s, side_px, covered)
         self.statistic = max(self.statistic + told, 0.0)
-        share = self.habit.unexplained(self.own, self.length > 0, interval_s, side_px, covered)
         if self.length:
-            self._seen.lasted += share
+            self._seen.lasted += 1.0
         else:
-            self._seen.begun += share
+            self._seen.begun += 1.0
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
         self.peak, self.threshold = max(self.peak, self.statistic), threshold
         self.accused = self.accused or (vouched and self.statistic >= threshold)
