@@ -12,7 +12,7 @@ from belie.detector.covering import Covering
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import longer_side, projected_box_px
+from belie.geometry.boxes import longer_side, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import (
@@ -179,7 +179,7 @@ class ObjectStream:
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
-                self.interval_s, self.threshold("hiding"), stamp_ns, longer_side(track.box_px), covered=miss
+                self.interval_s, self.threshold("hiding"), stamp_ns, root_area(track.box_px), covered=miss
             )
 
     def _present(
@@ -194,7 +194,7 @@ class ObjectStream:
         weight = _weight(detection.score)
         vote = weight * min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
-        track.hiding.right(self.interval_s, longer_side(track.box_px))
+        track.hiding.right(self.interval_s, root_area(track.box_px))
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
