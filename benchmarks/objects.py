@@ -142,12 +142,12 @@ def specs_of(images: AnnotatedImages, onsets: int) -> list[tuple[str, str]]:
     return specs
 
 
-def run(job: tuple[str, str, str, int, str]) -> Trial:
+def run(job: tuple[str, str, str, int, str, int]) -> Trial:
     """One trial."""
-    name, family, spec, seed, profile = job
+    name, family, spec, seed, profile, within = job
     attacked = attack(detected(annotated(name), seed), spec)
     (label,) = attacked.labels
-    last = label.start_frame + WITHIN + 3
+    last = label.start_frame + within + 3
     steps = tuple(attacked.steps())[:last]
     base = detected(annotated(name), seed)
     cut = MemoryRecording(name=name, cameras=base.cameras, joined=steps)
@@ -160,7 +160,7 @@ def run(job: tuple[str, str, str, int, str]) -> Trial:
             break
         if not is_end_of_annotation(annotated(name), alert, index):
             wrong.append(f"{alert.type.value} of {alert.object} at {index}")
-    if delay is not None and delay >= WITHIN:
+    if delay is not None and delay >= within:
         delay = None
     return Trial(name, family, spec, delay, tuple(wrong), tuple(statuses))
 
@@ -189,6 +189,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--onsets", type=int, default=5)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
+    parser.add_argument(
+        "--within", type=int, default=WITHIN, help="attacked frames in which an alert is a hit"
+    )
     parser.add_argument("--honest-seeds", type=int, default=20)
     parser.add_argument("--recordings", nargs="+", default=list(RECORDINGS), choices=RECORDINGS)
     parser.add_argument("--profile", default="default", choices=("default", "paper"))
@@ -197,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--misses", action="store_true", help="list every miss")
     chosen = parser.parse_args(arguments)
     jobs = [
-        (name, family, spec, seed, chosen.profile)
+        (name, family, spec, seed, chosen.profile, chosen.within)
         for name in chosen.recordings
         for family, spec in specs_of(annotated(name), chosen.onsets)
         if family.split()[0] in chosen.families

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +12,13 @@ from belie.detector.covering import Covering
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import longer_side, projected_box_px
+from belie.geometry.boxes import longer_side, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
-from belie.types import Detection, DetectionClaim
+from belie.types import (
+    Detection,
+    DetectionClaim,
+)
 
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
@@ -24,6 +26,11 @@ _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be w
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
+_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
+_BY_CORNERS = (
+    "too few corners",
+    "occluded or gone",
+)  # reasons to doubt a new name that its whole picture may refute
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -46,7 +53,7 @@ class ObjectStream:
     waiting: list[DetectionClaim] = field(default_factory=list)
     last_ns: int | None = None
     interval_s: float = 0.0
-    sides_px: float = 0.0  # of all objects together
+    crowd: float = 1.0  # objects at a time
     unboxed: int = 0
     heard: bool = False  # a message was judged at the last frame
     missed: Habit = field(init=False)
@@ -64,11 +71,8 @@ class ObjectStream:
 
     def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
         """Carry every object to the new image; forget those that are lost or long gone."""
-        # The structure of noise alone is half of its variance; patches must have twice that.
-        least = min(self.tracking.min_eigenvalue, previous.noise**2)
-        tracking = self.tracking.model_copy(update={"min_eigenvalue": least})
         for track in self.tracks:
-            track.follow(previous, current, stamp_ns, tracking)
+            track.follow(previous, current, stamp_ns, self.tracking)
         self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
@@ -112,7 +116,7 @@ class ObjectStream:
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
         )  # fmt: skip
-        self.sides_px = sum(self._side(track) for track in self.tracks)
+        self.crowd += 0.05 * (len(self.tracks) - self.crowd)
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
@@ -132,8 +136,9 @@ class ObjectStream:
                 track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j]]
             )
             track.cover_then = float(covering.by_any[j])
-            if covering.share[j] > self.settings.most_covered:
-                track.cover.tell(float(covering.share[j]))
+            track.hidden_then = float(covering.share[j])
+            if track.hidden_then > self.settings.most_covered:
+                track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j]])
 
@@ -145,7 +150,7 @@ class ObjectStream:
             "miss_rate": missed.share(),
             "confusion_rate": named.share(),
             "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
-            "messages": missed.stream.right + missed.stream.wrong,
+            "messages": missed.stream.right + missed.stream.begun + missed.stream.lasted,
         }
 
     def _box(self, detection: Detection) -> FloatArray | None:
@@ -159,46 +164,22 @@ class ObjectStream:
         fits = right - left >= 4.0 and bottom - top >= 4.0
         return np.array([left, top, right, bottom]) if fits else None
 
-    def _side(self, track: ObjectTrack) -> float:
-        return min(longer_side(track.box_px), float(self.camera.width))
-
-    def threshold(self, check: str, track: ObjectTrack | None) -> float:
-        """Of an `ErrorTest` about an object, nats; about an only one, where it is None.
-
-        Objects share the false alarms that all together may raise, by their sides: what is twice as near is reached in
-        half the time, so a lie about it weighs twice (weighted Bonferroni; Genovese, Roeder and Wasserman, Biometrika
-        93, 2006: whatever the weights, the rate of all is kept).
-        """
+    def threshold(self, check: str) -> float:
+        """Of an `ErrorTest`, nats, for this stream's share of the false alarms."""
         rate = self.false_alarms_per_hour * _RATE_SHARE[check]
-        side_px = 0.0 if track is None else self._side(track)
-        share = side_px / max(self.sides_px, side_px) if side_px else 1.0
-        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), share)
-
-    def worst(self, check: str, tracks: Sequence[ObjectTrack]) -> tuple[ObjectTrack | None, float]:
-        """Of some objects the one that is closest to an accusation, and its threshold."""
-        pairs = [(track, self.threshold(check, track)) for track in tracks]
-        only = (None, self.threshold(check, None))
-        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1], default=only)
-
-    def largest(self) -> ObjectTrack | None:
-        """The object that is accused the soonest."""
-        return max(self.tracks, key=self._side, default=None)
+        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
 
     def _absent(
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
     ) -> None:
-        track.miss(current, self.settings, self.scene.frame, covers)
+        track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         if track.absence(current.size, self.settings, by_boxes=False):
             track.hiding.excuse()
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
-                self.interval_s,
-                self.threshold("hiding", track),
-                stamp_ns,
-                longer_side(track.box_px),
-                covered=miss,
+                self.interval_s, self.threshold("hiding"), stamp_ns, root_area(track.box_px), covered=miss
             )
 
     def _present(
@@ -207,19 +188,19 @@ class ObjectStream:
     ) -> None:  # fmt: skip
         s = self.settings
         known = track.weight >= s.established
-        fair = track.absence(current.size, s)
-        soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
         group = s.classes.of(detection.label)
         is_anothers = bool(detection.track_id) and owner is not None and owner is not track
         swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
         weight = _weight(detection.score)
         vote = weight * min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
-        track.hiding.right(self.interval_s, longer_side(track.box_px))
+        track.hiding.right(self.interval_s, root_area(track.box_px))
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
         else:
+            fair = track.absence(current.size, s)
+            soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
             if soft:
                 track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
                 fair = "" if track.likeness.vouches else fair
@@ -227,7 +208,7 @@ class ObjectStream:
                 track.naming.excuse()
             else:
                 track.called = detection.label if misnamed else f"id {detection.track_id}"
-                threshold = self.threshold("misclassification", track)
+                threshold = self.threshold("misclassification")
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
@@ -247,7 +228,7 @@ class ObjectStream:
         """Whether the name it had till now could be the error: by the same test as the new one."""
         messages = int(track.votes[track.group] / _FULL_VOTE)
         told = sum(self.misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
-        return told >= self.threshold("misclassification", track)
+        return told >= self.threshold("misclassification")
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
@@ -255,16 +236,13 @@ class ObjectStream:
         if group not in _STANDING:
             track.phantom.why = f"a {track.label} need not stand on the ground"
             return
-        if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
-            track.phantom.why = "it is leaving the view"
-            return
         told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return
         # What a detector imagines by itself is short and unsure.
         sure = track.weight >= self.settings.established
-        track.phantom.add(*told, self.threshold("injection", track), stamp_ns, sure=sure)
+        track.phantom.add(*told, self.threshold("injection"), stamp_ns, sure=sure)
 
     def _meet(
         self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
@@ -298,9 +276,3 @@ def _weight(score: float) -> float:
 def _apart(a: FloatArray, b: FloatArray) -> bool:
     gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
     return gap > _APART * (longer_side(a) + longer_side(b))
-
-
-def _statistic(track: ObjectTrack, check: str) -> float:
-    if check == "injection":
-        return track.phantom.statistic
-    return (track.hiding if check == "hiding" else track.naming).statistic

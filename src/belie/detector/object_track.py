@@ -66,6 +66,7 @@ class ObjectTrack:
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     cover_then: float = 0.0  # share of its box under other detections, when it was last detected
+    hidden_then: float = 0.0  # the same, under those that may hide it
     searched: tuple[int, int] = (
         0,
         0,
@@ -161,11 +162,11 @@ class ObjectTrack:
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
         own, told, now = self.box_at(stamp_ns).tolist(), box_then_px.tolist(), self.box_px.tolist()
+        growth = [(now[k + 2] - now[k]) / max(own[k + 2] - own[k], 1.0) for k in (0, 1)]
         correction = []
         for k, border in enumerate((0.0, 0.0, *size)):
             is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
-            growth = (now[k % 2 + 2] - now[k % 2]) / max(own[k % 2 + 2] - own[k % 2], 1.0)
-            correction.append(0.0 if is_cut else growth * (told[k] - own[k]))
+            correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
         # Corrections that come late add up before they are seen to work: half of each, as for well-followed objects.
         is_late = bool(self.history) and stamp_ns < self.history[-1][0]
         weight = _TRUST if self.detections > 1 and (is_late or not self.is_soft) else 1.0
@@ -205,13 +206,16 @@ class ObjectTrack:
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 
-    def miss(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
+    def miss(
+        self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray, cover: float
+    ) -> None:
         """It was not told of: corners that move as those that spoke for it till now speak for it, too.
 
-        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them.
+        Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them. Not
+        where `cover`, the share of its box that others may hide, is large, or was: most of its box shows other things.
         """
         self.covers = covers
-        if self.proven >= _LEAST_CORNERS:
+        if self.proven >= _LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 

@@ -147,6 +147,16 @@ def longer_side(box_px: FloatArray) -> float:
     return float(max(right - left, bottom - top))
 
 
+def root_area(box_px: FloatArray) -> float:
+    """Side of a square of a box's area, px: what detectors call an object's size (COCO: small is below 32).
+
+    >>> root_area(np.array([0.0, 0.0, 8.0, 18.0]))
+    12.0
+    """
+    left, top, right, bottom = box_px.tolist()
+    return float(np.sqrt(max((right - left) * (bottom - top), 0.0)))
+
+
 @compiled()
 def overlaps(a: Any, b: Any) -> tuple[Any, Any]:
     """Intersection over union of every box of `a` with every one of `b`, and the share of `a` that `b` covers.

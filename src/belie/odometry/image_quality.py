@@ -12,7 +12,7 @@ _DARK_GRAY = 12.0  # mean gray value; below it a scene's shades drown in two gra
 _FLAT_GRAY = 6.0  # standard deviation: a wall, thick fog or a cover
 _FEW_CORNERS = 15
 _SAMPLE_STRIDE = 8
-_SAMPLES = 5000  # pixels that tell the noise within 2 %
+_SAMPLES = 5000  # pixels
 _LEAST_NOISE = 0.5  # gray: values are rounded to whole ones (0.3), and compression smooths real noise away
 
 
@@ -40,14 +40,14 @@ def sensor_noise(image: GrayImage) -> float:
     """Standard deviation of the noise of an image's pixels, gray values; never below 0.5.
 
     What a Laplacian that ignores edges and slopes leaves (Immerkaer, "Fast noise variance estimation", CVIU 64, 1996),
-    by the median over a grid of pixels, which texture moves less than the mean.
+    by the median over some 5000 pixels, which texture moves less than the mean.
 
     >>> import numpy as np
     >>> noisy = 100.0 + 4.0 * np.random.default_rng(0).standard_normal((240, 320))
     >>> 3.5 < sensor_noise(noisy.round().astype(np.uint8)) < 4.5
     True
     """
-    stride = max(1, round(math.sqrt(image.size / _SAMPLES)))
+    stride = max(_SAMPLE_STRIDE, round(math.sqrt(image.size / _SAMPLES)))
     return max(float(_median_laplacian(image, stride)) / (6.0 * 0.6745), _LEAST_NOISE)
 
 

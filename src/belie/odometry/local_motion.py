@@ -210,7 +210,8 @@ def follow_object(
     after = Window(before.centre_px + shift_px, before.scale / growth, before.shape)
     seen = View.of(current, after)
     start = before.to_window(corners_px)
-    found, verified = track(view.pyramid, seen.pyramid, start, start, settings)
+    least = min(settings.min_eigenvalue, current.noise**2)  # noise alone gives half of its variance
+    found, verified = track(view.pyramid, seen.pyramid, start, start, settings, least)
     agreeing = np.zeros(len(start), dtype=bool)
     error: float | None = None
     new_growth, new_shift = growth, np.asarray(shift_px, dtype=np.float64)

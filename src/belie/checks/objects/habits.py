@@ -99,17 +99,6 @@ class Habit:
         """Log-likelihood ratio, nats, of an attack by a message without error; never speaks for one."""
         return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px, 0.0))), 0.0)
 
-    def unexplained(
-        self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
-    ) -> float:
-        """Share of an error that neither its size nor its cover explains: only that is the detector's habit.
-
-        Who charges the stream with the long gaps of small objects gives large ones the same patience (the expectation
-        step of Dempster, Laird and Rubin, JRSS B 39, 1977).
-        """
-        itself = self._errs(own, after_error, interval_s, math.inf, 0.0)
-        return itself / self._errs(own, after_error, interval_s, side_px, covered)
-
     def _errs(
         self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
     ) -> float:

@@ -49,7 +49,7 @@ class ObjectSettings(Settings):
     )
     half_seen_px: float = Field(
         20.0, gt=0.0,
-        description="longer side of an object at which every second miss goes on into the next message [px]: what is "
+        description="root of an object's area at which every second miss goes on into the next message [px]: what is "
         "hard to see because it is small stays so; detectors lose half of the objects at 15 to 20 px",
     )  # fmt: skip
     least_present: float = Field(
