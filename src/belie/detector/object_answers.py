@@ -32,17 +32,15 @@ def withhold(stream: ObjectStream, reason: str) -> list[Judgement]:
 
 
 def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
-    threshold = stream.threshold("hiding")
-    floor = _floor(stream, stream.missed, threshold)
+    floor = _floor(stream, stream.missed, "hiding")
     accused: list[Judgement] = []
     doubtful: list[str] = []
     explained: list[str] = []
-    worst: ObjectTrack | None = None
     for track in stream.tracks:
         if track.hiding.accused:
             accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
                 check="hiding", source=stream.source, status=Status.CONTRADICTED,
-                statistic=track.hiding.statistic, threshold=threshold, unit="llr", floor=floor,
+                statistic=track.hiding.statistic, threshold=track.hiding.threshold, unit="llr", floor=floor,
                 reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
                 f"{_share(track.hiding)}, but {_there(track)}; the detector's own habit explains "
                 "fewer", object=track.name)))  # fmt: skip
@@ -56,10 +54,9 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
                 (doubtful if undecided else explained).append(
                     f"{track.label} {track.name} is missing: {fair}"
                 )
-        if not track.hiding.accused and (worst is None or track.hiding.statistic > worst.hiding.statistic):
-            worst = track
     if accused:
         return accused
+    worst, threshold = stream.worst("hiding", stream.tracks)
     status = Status.UNDECIDED if doubtful else Status.CONSISTENT
     usual = f"{len(stream.tracks)} objects, none missing longer than usual"
     reason = [*doubtful, *explained, usual][0]
@@ -70,12 +67,11 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
 
 
 def _naming(stream: ObjectStream) -> list[Judgement]:
-    threshold = stream.threshold("misclassification")
-    floor = _floor(stream, stream.misnamed, threshold)
+    floor = _floor(stream, stream.misnamed, "misclassification")
     accused = [
         Judgement(onset_ns=track.naming.onset_ns, result=CheckResult(
             check="misclassification", source=stream.source, status=Status.CONTRADICTED,
-            statistic=track.naming.statistic, threshold=threshold, unit="llr", floor=floor,
+            statistic=track.naming.statistic, threshold=track.naming.threshold, unit="llr", floor=floor,
             reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
             f"{_share(track.naming)}, but its pixels are the same: {_there(track)}",
             object=track.name))
@@ -83,7 +79,7 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
     ]  # fmt: skip
     if accused:
         return accused
-    worst = max(stream.tracks, key=lambda track: track.naming.statistic, default=None)
+    worst, threshold = stream.worst("misclassification", stream.tracks)
     status, reason = Status.CONSISTENT, f"{len(stream.tracks)} objects keep their names"
     if worst is not None and worst.naming.is_open:
         status = Status.UNDECIDED
@@ -98,11 +94,10 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
 
 
 def _injection(stream: ObjectStream) -> list[Judgement]:
-    threshold = stream.threshold("injection")
     accused = [
         Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
             check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
-            threshold=threshold, unit="llr", object=track.name,
+            threshold=stream.threshold("injection", track), unit="llr", object=track.name,
             reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
             "box lie on the ground or the wall behind it"))
         for track in stream.tracks if track.phantom.accused
@@ -111,7 +106,7 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
         return accused
     told = [track for track in stream.tracks if track.last_seen_ns == stream.last_ns]
     unseen = [track for track in told if track.phantom.why]
-    worst = max(told, key=lambda track: track.phantom.statistic, default=None)
+    worst, threshold = stream.worst("injection", told)
     status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
     reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
     if status is Status.UNDECIDED:
@@ -121,10 +116,11 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
         statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
 
 
-def _floor(stream: ObjectStream, habit: Habit, threshold: float) -> str | None:
-    """Shortest run that would be accused."""
+def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
+    """Shortest run that would be accused, of the largest object."""
     if not stream.interval_s:
         return None
+    threshold = stream.threshold(check, stream.largest())
     test = ErrorTest(habit)
     while not test.wrong(stream.interval_s, threshold, 0) and test.errors < 1000:
         pass

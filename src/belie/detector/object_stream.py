@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,10 +16,7 @@ from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import longer_side, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
-from belie.types import (
-    Detection,
-    DetectionClaim,
-)
+from belie.types import Detection, DetectionClaim
 
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
@@ -26,11 +24,6 @@ _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be w
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
-_HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
-_BY_CORNERS = (
-    "too few corners",
-    "occluded or gone",
-)  # reasons to doubt a new name that its whole picture may refute
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -53,7 +46,7 @@ class ObjectStream:
     waiting: list[DetectionClaim] = field(default_factory=list)
     last_ns: int | None = None
     interval_s: float = 0.0
-    crowd: float = 1.0  # objects at a time
+    sides_px: float = 0.0  # of all objects together
     unboxed: int = 0
     heard: bool = False  # a message was judged at the last frame
     missed: Habit = field(init=False)
@@ -116,7 +109,7 @@ class ObjectStream:
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
         )  # fmt: skip
-        self.crowd += 0.05 * (len(self.tracks) - self.crowd)
+        self.sides_px = sum(self._side(track) for track in self.tracks)
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
@@ -150,7 +143,7 @@ class ObjectStream:
             "miss_rate": missed.share(),
             "confusion_rate": named.share(),
             "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
-            "messages": missed.stream.right + missed.stream.begun + missed.stream.lasted,
+            "messages": missed.stream.right + missed.stream.wrong,
         }
 
     def _box(self, detection: Detection) -> FloatArray | None:
@@ -164,10 +157,30 @@ class ObjectStream:
         fits = right - left >= 4.0 and bottom - top >= 4.0
         return np.array([left, top, right, bottom]) if fits else None
 
-    def threshold(self, check: str) -> float:
-        """Of an `ErrorTest`, nats, for this stream's share of the false alarms."""
+    def _side(self, track: ObjectTrack) -> float:
+        return min(longer_side(track.box_px), float(self.camera.width))
+
+    def threshold(self, check: str, track: ObjectTrack | None) -> float:
+        """Of an `ErrorTest` about an object, nats; about an only one, where it is None.
+
+        Objects share the false alarms that all together may raise, by their sides: what is twice as near is reached in
+        half the time, so a lie about it weighs twice (weighted Bonferroni; Genovese, Roeder and Wasserman, Biometrika
+        93, 2006: whatever the weights, the rate of all is kept).
+        """
         rate = self.false_alarms_per_hour * _RATE_SHARE[check]
-        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), self.crowd)
+        side_px = 0.0 if track is None else self._side(track)
+        share = side_px / max(self.sides_px, side_px) if side_px else 1.0
+        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), share)
+
+    def worst(self, check: str, tracks: Sequence[ObjectTrack]) -> tuple[ObjectTrack | None, float]:
+        """Of some objects the one that is closest to an accusation, and its threshold."""
+        pairs = [(track, self.threshold(check, track)) for track in tracks]
+        only = (None, self.threshold(check, None))
+        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1], default=only)
+
+    def largest(self) -> ObjectTrack | None:
+        """The object that is accused the soonest."""
+        return max(self.tracks, key=self._side, default=None)
 
     def _absent(
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
@@ -179,7 +192,11 @@ class ObjectStream:
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
-                self.interval_s, self.threshold("hiding"), stamp_ns, root_area(track.box_px), covered=miss
+                self.interval_s,
+                self.threshold("hiding", track),
+                stamp_ns,
+                root_area(track.box_px),
+                covered=miss,
             )
 
     def _present(
@@ -208,7 +225,7 @@ class ObjectStream:
                 track.naming.excuse()
             else:
                 track.called = detection.label if misnamed else f"id {detection.track_id}"
-                threshold = self.threshold("misclassification")
+                threshold = self.threshold("misclassification", track)
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = track.name = detection.track_id
@@ -228,7 +245,7 @@ class ObjectStream:
         """Whether the name it had till now could be the error: by the same test as the new one."""
         messages = int(track.votes[track.group] / _FULL_VOTE)
         told = sum(self.misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
-        return told >= self.threshold("misclassification")
+        return told >= self.threshold("misclassification", track)
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
@@ -236,13 +253,16 @@ class ObjectStream:
         if group not in _STANDING:
             track.phantom.why = f"a {track.label} need not stand on the ground"
             return
+        if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
+            track.phantom.why = "it is leaving the view"
+            return
         told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return
         # What a detector imagines by itself is short and unsure.
         sure = track.weight >= self.settings.established
-        track.phantom.add(*told, self.threshold("injection"), stamp_ns, sure=sure)
+        track.phantom.add(*told, self.threshold("injection", track), stamp_ns, sure=sure)
 
     def _meet(
         self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
@@ -276,3 +296,9 @@ def _weight(score: float) -> float:
 def _apart(a: FloatArray, b: FloatArray) -> bool:
     gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
     return gap > _APART * (longer_side(a) + longer_side(b))
+
+
+def _statistic(track: ObjectTrack, check: str) -> float:
+    if check == "injection":
+        return track.phantom.statistic
+    return (track.hiding if check == "hiding" else track.naming).statistic
