@@ -95,9 +95,9 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
     assert test.errors == 0
 
 
-def test_misses_that_size_explains_are_no_habit():
-    """An object that flickered while it was small is expected when it is large, and keeps flickering when it is not."""
-    spent = []
+def test_gaps_that_size_explains_are_no_habit_of_the_stream():
+    """What flickered while it was small says little of a large neighbour; of itself, it says all."""
+    of_itself, of_another = [], []
     for side_px in (24.0, 200.0):
         habit = Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10)
         test = ErrorTest(habit)
@@ -106,7 +106,7 @@ def test_misses_that_size_explains_are_no_habit():
                 test.right(0.1, side_px)
             else:
                 test.wrong(0.1, 14.6, 0, side_px)
-        spent.append([habit.wrong(test.own, True, 0.1, later_px) for later_px in (24.0, 200.0)])
-    (small_then_small, small_then_large), (_, large_then_large) = spent
-    assert small_then_large > 1.5 * large_then_large
-    assert small_then_small < 1.0
+        of_itself.append(habit.wrong(test.own, True, 0.1, 200.0))
+        of_another.append(habit.wrong(Counts(), True, 0.1, 200.0))
+    assert of_another[0] > 1.5 * of_another[1]
+    assert of_itself[0] < 0.7 * of_another[0]
