@@ -172,3 +172,13 @@ def test_a_position_waits_for_a_frame_that_the_camera_vouches_for(kitti00, monke
     attacked = attacks.attack(kitti00, "position-offset:magnitude=3,axis=left,start=60,stop=61")
     found = alerts(watch(attacked, stop=64))
     assert found[:1] == [(61, "position_spoofing", "/position")]
+
+
+def test_who_of_odometry_and_position_lies_is_open_where_the_camera_would_not_tell(kitti00, monkeypatch):
+    """Half a metre is plain to see on this road; to a camera that sees no step, either may have told it."""
+    attacked = attacks.attack(kitti00, "position-offset:magnitude=0.5,axis=left,start=60")
+    assert alerts(watch(attacked, stop=64))[0][1:] == ("position_spoofing", "/position")
+    monkeypatch.setattr("belie.detector.default_profile._TRACELESS", 1e9)
+    blind = watch(attacked, stop=64)
+    assert alerts(blind) == []
+    assert any("or the odometry lies" in check.reason for verdict in blind for check in verdict.checks)

@@ -141,6 +141,7 @@ class OdometryCheck:
         self._scale = _Scale()
         self._turns = np.zeros((3, 3))
         self._accused = False
+        self.floor_m_s: float | None = None  # smallest lie about the last translation that would show
         self.evidence: Evidence | None = None
 
     @property
@@ -155,7 +156,7 @@ class OdometryCheck:
 
     def update(self, estimate: VisualEstimate, T_prev_cur: SE3 | None) -> CheckResult:
         """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
-        self.evidence = None
+        self.evidence = self.floor_m_s = None
         interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
         if estimate.inliers > 0 and interval_s > 0.0:
             self._predict(estimate, interval_s)
@@ -278,6 +279,8 @@ class OdometryCheck:
         self, estimate: VisualEstimate, evidence: Evidence, translates: bool, interval_s: float
     ) -> CheckResult:
         floor = self.test.floor() / interval_s
+        if translates:
+            self.floor_m_s = float(floor[:3].max())
         turn = f"{math.degrees(float(floor[3:6].max())):.2g} deg/s"
         text = f"{float(floor[:3].max()):.2g} m/s, {turn}" if translates else turn
         if evidence.contradicted:

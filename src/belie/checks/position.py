@@ -100,6 +100,7 @@ class PositionCheck:
         self._return: Return | None = None
         self._interval_s = 0.1
         self.absorption_s: float | None = None
+        self.apart_m: float | None = None  # from where the odometry leads, at most since it is accused
         self.evidence: Evidence | None = None
 
     def skip(self, reason: str, *, odometry_lost: bool = False) -> CheckResult:
@@ -155,6 +156,7 @@ class PositionCheck:
         )
         floor = f"{self._unaligned.floor_m(self._noise, unit_m):.2g} m jump"
         if e.contradicted:
+            self.apart_m = None
             reason = "the position moved another distance than the odometry that the camera vouches for"
             return self._answer(Status.CONTRADICTED, reason, floor)
         heading = self._unaligned.heading(self._noise, unit_m)
@@ -195,6 +197,7 @@ class PositionCheck:
                 self._return = Return(e, self._sequential.release_s)
                 alignment.take_back(e.onset_ns, claim.stamp_ns, self._noise.walk_m(unit_m))
         else:
+            self.apart_m = None
             self._noise.learn(claim.stamp_ns, alignment.wander(claim.position_m), unit_m)
             alignment.errors.learn(innovation, S, H)
             alignment.settle()
@@ -279,6 +282,7 @@ class PositionCheck:
     def _accusation(self, alignment: Alignment, claim: PositionClaim, e: Evidence) -> str:
         apart_m = alignment.residual(claim.position_m) - alignment.jacobian() @ alignment.errors.mean
         length_m = float(np.linalg.norm(apart_m[self._heights.tested]))
+        self.apart_m = max(length_m, self.apart_m or 0.0)
         return (
             f"the position is {length_m:.2g} m from where the odometry leads that the camera vouches for, "
             f"first along {_AXES[e.component]}"

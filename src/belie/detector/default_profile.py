@@ -8,6 +8,7 @@ for.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -28,6 +29,10 @@ from belie.types import CheckResult, Claim, Frame, MountedCamera, Status, Visual
 _TESTS = 4  # odometry, twist, IMU and position share the stated false-alarm rate
 _DOUBT = 0.5  # of the threshold: evidence against the odometry that makes a position's accuser wait
 _MOST_WAITED = 2  # claims
+# Of the smallest lie that shows within a few frames: of a third nothing is left in a CUSUM, whose drift is half of what
+# it looks for.
+_TRACELESS = 1.0 / 3.0
+_HIDDEN_FRAMES = 300  # kept to tell whether a position or the odometry lies
 _STANDS_NS = 1_000_000_000
 _MOST_WITHHELD = 3  # frames: so long may the camera's doubts about itself protect a claim
 
@@ -49,6 +54,7 @@ class DefaultProfile:
         self._withheld = 0
         self._odometry_accused = False
         self._vouched_ns = 0
+        self._hidden_m: deque[tuple[int, float]] = deque(maxlen=_HIDDEN_FRAMES)
         self._waited: dict[str, int] = {}
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
@@ -107,6 +113,7 @@ class DefaultProfile:
                     self._streams.due_positions(source, frame.stamp_ns)
         else:
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
+            self._note_blindness(frame, motions)
             self._follow(frame, estimate)
             judgements += [
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
@@ -208,6 +215,32 @@ class DefaultProfile:
         self._waited[source] = self._waited.get(source, 0) + 1
         return self._waited[source] <= _MOST_WAITED
 
+    def _note_blindness(self, frame: Frame, motions: dict[StreamKey, SE3 | None]) -> None:
+        """Keep by how much the odometry may have lied since the last frame without a trace, m."""
+        steps = [
+            float(np.linalg.norm(T.t))
+            for (check, _), T in motions.items()
+            if T is not None and check != "imu"
+        ]
+        floors = [
+            c.floor_m_s
+            for c in self._motion_checks.values()
+            if isinstance(c, OdometryCheck) and c.floor_m_s is not None
+        ]
+        if self._last_ns is None or not steps:
+            return
+        hidden_m = min(steps)  # where nobody looked, all of it
+        if floors:
+            hidden_m = min(hidden_m, _TRACELESS * min(floors) * (frame.stamp_ns - self._last_ns) * 1e-9)
+        self._hidden_m.append((frame.stamp_ns, hidden_m))
+
+    def _may_be_the_odometry(self, check: PositionCheck) -> float | None:
+        """What a lie of the odometry since the onset may come to unseen, m, where it explains what a position shows."""
+        if check.evidence is None or check.apart_m is None:
+            return None
+        hidden_m = sum(m for stamp_ns, m in self._hidden_m if stamp_ns >= check.evidence.onset_ns)
+        return hidden_m if check.apart_m < hidden_m else None
+
     def _new_position_check(self, source: str) -> PositionCheck:
         c = self._config
         return PositionCheck(source, tests=_TESTS, settings=c.position, sequential=c.sequential)
@@ -277,6 +310,11 @@ class DefaultProfile:
         if result is not None and result.status is Status.CONTRADICTED and self._odometry_may_lie(source):
             reason = f"{result.reason}; or the odometry lies: waiting for its own check"
             result = replace(result, status=Status.UNDECIDED, reason=reason)
+        elif result is not None and result.status is Status.CONTRADICTED:
+            hidden_m = self._may_be_the_odometry(check)
+            if hidden_m is not None:
+                reason = f"{result.reason}; or the odometry lies: the camera would not see {hidden_m:.2g} m of that"
+                result = replace(result, status=Status.UNDECIDED, reason=reason)
         if result is not None:
             self._last_positions[source] = frame.stamp_ns, result
         elif due:
