@@ -129,7 +129,8 @@ def bench(
     page = write_outcome(chosen, summary, records, makers, store, links)
     _print(summary)
     resumed = f", {outcome.resumed} of them before" if outcome.resumed else ""
-    print(f"{len(records)} of {len(outcome.keys)} runs{resumed}; {page}")
+    finished = len(set(store.finished(outcome.keys)))  # closed loops are runs, too
+    print(f"{finished} of {len(outcome.keys)} runs{resumed}; {page}")
     for run, error in outcome.failures:
         print(f"failed: {run}: {error}", file=sys.stderr)
     if outcome.failures:
