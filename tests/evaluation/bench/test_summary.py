@@ -128,3 +128,18 @@ def test_markdown_holds_every_table_and_list():
 )
 def test_conditions_are_those_of_the_paper(place, weather, said):
     assert condition(replace(HONEST, place=place, weather=weather)) == said
+
+
+def test_a_test_that_stops_at_its_threshold_is_caught_at_factor_one():
+    """The sums of the object checks are cut at the threshold, so that they can end soon."""
+    result = CheckResult(
+        check="hiding",
+        source="/detections",
+        status=Status.CONTRADICTED,
+        statistic=16.2,
+        threshold=16.2,
+        unit="llr",
+    )
+    verdict = Verdict(frame=0, stamp_ns=0, status=Status.CONTRADICTED, latency_ms=1.0, checks=(result,))
+    found = exceedances([verdict], []).episodes["obstacle_hiding"]
+    assert found[FACTORS.index(1.0)] == 1

@@ -27,9 +27,9 @@ class Exceedances:
     Parameters
     ----------
     episodes : mapping of str to list of int
-        Honest time only: how often the statistics rose above factor times threshold.
+        Honest time only: how often the statistics reached factor times threshold.
     delay_frames : mapping of str to list of int or None
-        Of the attack of that kind: frames until its source's statistic rose above; None where it did not.
+        Of the attack of that kind: frames until its source's statistic did so; None where it did not.
     """
 
     episodes: dict[str, list[int]]
@@ -58,7 +58,7 @@ def exceedances(verdicts: Sequence[Verdict], labels: Sequence[AttackLabel]) -> E
         rises = np.zeros(len(factors), dtype=np.int64)
         for (check, _), ratio in ratios.items():
             if ALERT_OF_CHECK[check] == kind:
-                above = np.vstack([np.zeros((1, len(factors)), bool), ratio[:, None] > factors])
+                above = np.vstack([np.zeros((1, len(factors)), bool), ratio[:, None] >= factors])
                 rises += (above[1:] & ~above[:-1]).sum(axis=0)
         episodes[kind.value] = rises.tolist()
     delays: dict[str, list[int | None]] = {}
@@ -70,7 +70,7 @@ def exceedances(verdicts: Sequence[Verdict], labels: Sequence[AttackLabel]) -> E
             if ALERT_OF_CHECK[check] == label.alert and source in label.sources
         ]
         if found:
-            above = np.max(found, axis=0)[:, None] > factors
+            above = np.max(found, axis=0)[:, None] >= factors
             delays[label.alert.value] = [int(a.argmax()) if a.any() else None for a in above.T]
     return Exceedances(episodes=episodes, delay_frames=delays)
 
