@@ -54,6 +54,7 @@ class DefaultProfile:
         self._withheld = 0
         self._odometry_accused = False
         self._vouched_ns = 0
+        self._standing: set[str] = set()  # positions that are accused
         self._hidden_m: deque[tuple[int, float]] = deque(maxlen=_HIDDEN_FRAMES)
         self._waited: dict[str, int] = {}
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
@@ -217,29 +218,32 @@ class DefaultProfile:
 
     def _note_blindness(self, frame: Frame, motions: dict[StreamKey, SE3 | None]) -> None:
         """Keep by how much the odometry may have lied since the last frame without a trace, m."""
-        steps = [
-            float(np.linalg.norm(T.t))
-            for (check, _), T in motions.items()
-            if T is not None and check != "imu"
-        ]
-        floors = [
-            c.floor_m_s
-            for c in self._motion_checks.values()
-            if isinstance(c, OdometryCheck) and c.floor_m_s is not None
-        ]
-        if self._last_ns is None or not steps:
+        key = next((k for k in motions if k[0] == "odometry"), None)
+        T_prev_cur = None if key is None else motions[key]
+        if key is None or T_prev_cur is None or self._last_ns is None:
             return
-        hidden_m = min(steps)  # where nobody looked, all of it
-        if floors:
-            hidden_m = min(hidden_m, _TRACELESS * min(floors) * (frame.stamp_ns - self._last_ns) * 1e-9)
+        check = self._motion_checks[key]
+        hidden_m = float(np.linalg.norm(T_prev_cur.t))  # where nobody looked, all of it
+        if isinstance(check, OdometryCheck) and check.floor_m_s is not None:
+            seconds = (frame.stamp_ns - self._last_ns) * 1e-9
+            hidden_m = min(hidden_m, _TRACELESS * check.floor_m_s * seconds)
         self._hidden_m.append((frame.stamp_ns, hidden_m))
 
     def _may_be_the_odometry(self, check: PositionCheck) -> float | None:
-        """What a lie of the odometry since the onset may come to unseen, m, where it explains what a position shows."""
+        """What a lie of the odometry since the onset may come to unseen, m, where it explains what a position shows.
+
+        Who was accused once stays accused: a jump does not grow while the odometry goes on.
+        """
         if check.evidence is None or check.apart_m is None:
+            self._standing.discard(check.source)
+            return None
+        if check.source in self._standing:
             return None
         hidden_m = sum(m for stamp_ns, m in self._hidden_m if stamp_ns >= check.evidence.onset_ns)
-        return hidden_m if check.apart_m < hidden_m else None
+        if check.apart_m < hidden_m:
+            return hidden_m
+        self._standing.add(check.source)
+        return None
 
     def _new_position_check(self, source: str) -> PositionCheck:
         c = self._config
@@ -315,6 +319,8 @@ class DefaultProfile:
             if hidden_m is not None:
                 reason = f"{result.reason}; or the odometry lies: the camera would not see {hidden_m:.2g} m of that"
                 result = replace(result, status=Status.UNDECIDED, reason=reason)
+        if check.apart_m is None:
+            self._standing.discard(source)
         if result is not None:
             self._last_positions[source] = frame.stamp_ns, result
         elif due:

@@ -116,7 +116,11 @@ class ObjectStream:
         covering = Covering.of(then[lost], lost_stand, boxes, stand)
         for k, i in enumerate(lost):
             self._absent(
-                self.tracks[i], claim.stamp_ns, boxes[covering.which[k]], float(covering.share[k]), current
+                self.tracks[i],
+                claim.stamp_ns,
+                boxes[covering.which[k] & stand],
+                float(covering.share[k]),
+                current,
             )
         owners, covering = (
             {self.tracks[i].track_id: self.tracks[i] for i in found},
@@ -126,14 +130,14 @@ class ObjectStream:
             track, detection = self.tracks[i], told[j][0]
             owner = owners.get(detection.track_id)
             self._present(
-                track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j]]
+                track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j] & stand]
             )
             track.cover_then = float(covering.by_any[j])
             track.hidden_then = float(covering.share[j])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
-            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j]])
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j] & stand])
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""

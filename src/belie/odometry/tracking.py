@@ -40,7 +40,7 @@ class TrackingSettings(Settings):
     min_eigenvalue: float = Field(
         4.0, ge=0.0,
         description="least eigenvalue of the structure tensor, a pixel's mean [gray²/px²]; sensor noise of 2 gray "
-        "levels alone gives 2. Where too few corners are so strong (fog), twice what the image's own noise gives",
+        "levels alone gives 2. On objects no more than twice what the image's own noise gives",
     )  # fmt: skip
 
 

@@ -6,13 +6,12 @@ import math
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
-from belie.odometry.image_quality import sensor_noise, why_nothing_is_seen
+from belie.odometry.image_quality import why_nothing_is_seen
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
@@ -20,8 +19,6 @@ from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch,
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
-_ENOUGH = 3 * LEAST_CORNERS  # followed corners: traffic may take two thirds of them
-_PLENTY = 3 * _ENOUGH
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
@@ -104,7 +101,6 @@ class VisualOdometry:
         self._corners = TrackedCorners()
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
-        self._least_eigenvalue = self.tracking.min_eigenvalue
         self._unit = 1.0
         self._forget_motion()
 
@@ -133,7 +129,7 @@ class VisualOdometry:
         interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
-        found, verified = self._track(pyramid, predicted)  # Ψ, (6)
+        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
         tried = len(found)
         self._corners.keep(verified)
         self._anchor = self._anchor[verified]
@@ -152,7 +148,8 @@ class VisualOdometry:
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
         if estimate.inliers:
             self._unvouched = 0
-            self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
+            if had_scale and not estimate.is_still:
+                self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         else:
             self._unvouched += 1
         if self._unvouched >= _MOST_UNVOUCHED:
@@ -189,20 +186,6 @@ class VisualOdometry:
         points = self._corners.predict(rays, motion)
         points[:, 2] = np.maximum(points[:, 2], 1e-3)
         return self._camera.project(points)
-
-    def _track(self, pyramid: Pyramid, predicted: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Follow strong corners where there are enough of them, weak ones too where fog leaves nothing else."""
-        corners, settings = self._corners.px, self.tracking
-        found, verified = track(self._pyramid, pyramid, corners, predicted, settings, self._least_eigenvalue)
-        if np.count_nonzero(verified) < _ENOUGH:
-            # Noise of variance s² makes eigenvalues of half that: twice as much is structure.
-            least = min(sensor_noise(pyramid[0]) ** 2, settings.min_eigenvalue)
-            if least < self._least_eigenvalue:
-                self._least_eigenvalue = least
-                found, verified = track(self._pyramid, pyramid, corners, predicted, settings, least)
-        elif np.count_nonzero(verified) > _PLENTY:
-            self._least_eigenvalue = settings.min_eigenvalue
-        return found, verified
 
     def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
         if len(found) < _LEAST_TRACKS:

@@ -203,9 +203,9 @@ class ZenohTransport:
 
     def reset(self) -> None:
         """Drop subscriptions and topics of ours; the one that finds publishers stays."""
+        self._publishers.clear()
         while len(self._held) > 1:
             self._held.pop().undeclare()
-        self._publishers.clear()
 
     def close(self) -> None:
         """Leave the network."""
