@@ -93,20 +93,3 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
         test.right(0.1)
     assert not test.is_open
     assert test.errors == 0
-
-
-def test_gaps_that_size_explains_are_no_habit_of_the_stream():
-    """What flickered while it was small says little of a large neighbour; of itself, it says all."""
-    of_itself, of_another = [], []
-    for side_px in (24.0, 200.0):
-        habit = Habit(rate=0.03, persistence_s=0.02, prior_messages=40, prior_gaps=10)
-        test = ErrorTest(habit)
-        for letter in "....xxx" * 6 + "....":
-            if letter == ".":
-                test.right(0.1, side_px)
-            else:
-                test.wrong(0.1, 14.6, 0, side_px)
-        of_itself.append(habit.wrong(test.own, True, 0.1, 200.0))
-        of_another.append(habit.wrong(Counts(), True, 0.1, 200.0))
-    assert of_another[0] > 1.5 * of_another[1]
-    assert of_itself[0] < 0.7 * of_another[0]

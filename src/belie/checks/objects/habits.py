@@ -23,12 +23,11 @@ _LAPSE = _LEAST
 
 @dataclass(slots=True)
 class Counts:
-    """Messages without error, errors begun, messages in which one went on, and what size or cover explain of these."""
+    """Messages without error, errors begun, messages in which an error went on."""
 
     right: float = 0.0
     begun: float = 0.0
     lasted: float = 0.0
-    explained: float = 0.0
 
     @property
     def wrong(self) -> float:
@@ -73,17 +72,11 @@ class Habit:
     stream: Counts = field(default_factory=Counts)
 
     def learn(self, own: Counts, seen: Counts, weight: float = 1.0) -> None:
-        """Take over what was seen of an object, by the probability that nobody lied.
-
-        Of an object all gaps are its own, whatever they are owed to; the stream is charged with what size or cover do
-        not explain, or the long gaps of small objects would give large ones the same patience (the expectation step of
-        Dempster, Laird and Rubin, JRSS B 39, 1977).
-        """
+        """Take over what was seen of an object, by the probability that nobody lied."""
         for counts in (self.stream, own):
             counts.right += weight * seen.right
             counts.begun += weight * seen.begun
             counts.lasted += weight * seen.lasted
-        self.stream.explained += weight * seen.explained
 
     def learn_right(self, own: Counts) -> None:
         """One message without error, that no doubt preceded."""
@@ -104,11 +97,6 @@ class Habit:
         """Log-likelihood ratio, nats, of an attack by a message without error; never speaks for one."""
         return min(math.log(_LAPSE / (1.0 - self._errs(own, after_error, interval_s, side_px, 0.0))), 0.0)
 
-    def explained(self, own: Counts, interval_s: float, side_px: float, covered: float) -> float:
-        """Share of one more message in error that the object's size or cover explains."""
-        itself = self._errs(own, True, interval_s, math.inf, 0.0)
-        return 1.0 - itself / self._errs(own, True, interval_s, side_px, covered)
-
     def _errs(
         self, own: Counts, after_error: bool, interval_s: float, side_px: float, covered: float
     ) -> float:
@@ -127,7 +115,7 @@ class Habit:
         """For how long consecutive images share the cause of an error, by the stream; its `persistence_s`."""
         s, n, share = self.stream, self.prior_gaps, self.share()
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
-        lasts = (s.lasted - s.explained + n * expected) / (s.wrong + n)
+        lasts = (s.lasted + n * expected) / (s.wrong + n)
         correlation = (lasts - share) / (1.0 - share)
         # Below, consecutive images share nothing; above, the time is longer than the recordings show.
         return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
@@ -142,7 +130,7 @@ class Habit:
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
         s, n = self.stream, self.prior_gaps
         # Every message in error was a chance to end.
-        stream = (s.lasted - s.explained + n * expected) / (s.wrong + n)
+        stream = (s.lasted + n * expected) / (s.wrong + n)
         m = n * _OBJECT_WEIGHT
         return _bounded((own.lasted + m * stream) / (own.wrong + m))
 
@@ -223,7 +211,6 @@ class ErrorTest:
         self.statistic = max(self.statistic + told, 0.0)
         if self.length:
             self._seen.lasted += 1.0
-            self._seen.explained += self.habit.explained(self.own, interval_s, side_px, covered)
         else:
             self._seen.begun += 1.0
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
