@@ -1,4 +1,4 @@
-"""A textured corridor that a camera flies through: images with exact poses, of any size."""
+"""A textured corridor that a camera flies through, with exact poses; and what a drive past a wall claims."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.geometry import SE3, CameraModel
+from belie.types import MotionClaim, PoseClaim
 
 # Walls at these x, floor and ceiling at these y; camera axes, metres.
 _SIDES_M = (-3.0, 3.0)
@@ -72,3 +73,22 @@ def _render(
     seen = cv2.remap(texture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     clear = np.exp(-depth / _VISIBLE_M)
     return np.asarray(128.0 + (seen - 128.0) * clear, dtype=np.float32)
+
+
+def claims_past_wall(
+    index: int, stamp_ns: int, period_ns: int, imu_per_frame: int = 6
+) -> tuple[PoseClaim, tuple[MotionClaim, ...]]:
+    """Odometry and IMU of a frame, 0.1 m after the one before, and without a turn."""
+    pose = PoseClaim(
+        source="/odom",
+        frame_id="odom",
+        stamp_ns=stamp_ns,
+        received_ns=stamp_ns,
+        T_odom_body=SE3.from_translation([0.1 * index, 0.0, 0.0]),
+    )
+    times_ns = [stamp_ns + k * period_ns // imu_per_frame for k in range(imu_per_frame)]
+    rates = (
+        MotionClaim(source="/imu", kind="imu", stamp_ns=t, received_ns=t, angular_rad_s=np.zeros(3))
+        for t in times_ns
+    )
+    return pose, tuple(rates)

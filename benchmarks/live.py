@@ -33,7 +33,7 @@ import numpy as np
 
 from _live_peers import Live, Observer, child, network, stamp_ns, transport
 from _recordings import CAMERA, GNSS, R_BODY_CAM, Drive, made_recording
-from _scene import corridor
+from _scene import claims_past_wall, corridor
 from belie.bridges.player import Player, messages_of, types_of
 from belie.bridges.wire import Received, now_ns
 from belie.geometry import SE3, CameraModel
@@ -41,7 +41,7 @@ from belie.recordings import messages as ros_messages
 from belie.recordings import open_recording, write_mcap
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
-from belie.types import Frame, MotionClaim, MountedCamera, PoseClaim
+from belie.types import Frame, MountedCamera, PoseClaim
 
 DOMAIN = 60
 DEMO = Path(__file__).resolve().parents[1] / "src" / "belie" / "cli" / "demo_drive.mcap"
@@ -174,20 +174,10 @@ def wall_messages(frames: int) -> Iterator[Received]:
     yield received("/tf_static", ros.TRANSFORMS, tf, 0)
     for index, gray in zip(range(frames), endless_wall(), strict=False):
         t_ns = (index + 1) * _PERIOD_NS
-        pose = PoseClaim(
-            source="/odom",
-            frame_id="odom",
-            stamp_ns=t_ns,
-            received_ns=t_ns,
-            T_odom_body=SE3.from_translation([0.1 * index, 0.0, 0.0]),
-        )
+        pose, rates = claims_past_wall(index, t_ns, _PERIOD_NS)
         yield received("/odom", ros.ODOMETRY, ros_messages.odometry(pose, None, "base_link"), t_ns)
-        for k in range(6):
-            t = t_ns + k * _PERIOD_NS // 6
-            rate = MotionClaim(
-                source="/imu", kind="imu", stamp_ns=t, received_ns=t, angular_rad_s=np.zeros(3)
-            )
-            yield received("/imu", ros.IMU, ros_messages.imu(rate, "base_link"), t)
+        for k, rate in enumerate(rates):
+            yield received("/imu", ros.IMU, ros_messages.imu(rate, "base_link"), rate.stamp_ns)
             if k == 0:
                 info = ros_messages.camera_info(SOAK, t_ns, "cam_optical")
                 yield received("/camera/camera_info", ros.CAMERA_INFO, info, t_ns)

@@ -18,15 +18,15 @@ import cv2
 import numpy as np
 import psutil
 
+from _scene import claims_past_wall
 from belie.detector import Config, Detector
 from belie.geometry import SE3, CameraModel
 from belie.recordings import open_recording, write_mcap
-from belie.types import Frame, MotionClaim, MountedCamera, PoseClaim, Status, Step
+from belie.types import Frame, MountedCamera, Status, Step
 
 LIMIT_MB = 600.0
 CAMERA = "/camera/image_raw"
 FRAME_PERIOD_NS = 33_333_333
-IMU_PER_FRAME = 6
 WALL_PX = 4096
 PX_PER_FRAME = 2  # 0.1 m a frame seen from 25 m at f = 500 px
 
@@ -38,23 +38,7 @@ def made_steps(frames: int) -> Iterator[Step]:
     wall = cv2.normalize(np.hstack([wall, wall[:, :640]]), None, 0, 255, cv2.NORM_MINMAX)
     for index in range(frames):
         stamp_ns = index * FRAME_PERIOD_NS
-        pose = PoseClaim(
-            source="/odom",
-            frame_id="odom",
-            stamp_ns=stamp_ns,
-            received_ns=stamp_ns,
-            T_odom_body=SE3.from_translation([0.1 * index, 0.0, 0.0]),
-        )
-        samples = (
-            MotionClaim(
-                source="/imu",
-                kind="imu",
-                stamp_ns=stamp_ns + k * FRAME_PERIOD_NS // IMU_PER_FRAME,
-                received_ns=stamp_ns + k * FRAME_PERIOD_NS // IMU_PER_FRAME,
-                angular_rad_s=np.zeros(3),
-            )
-            for k in range(IMU_PER_FRAME)
-        )
+        pose, samples = claims_past_wall(index, stamp_ns, FRAME_PERIOD_NS)
         left = PX_PER_FRAME * index % WALL_PX
         # A wall passed twice would be a replayed camera, and nothing else would be judged.
         lap = PX_PER_FRAME * index // WALL_PX

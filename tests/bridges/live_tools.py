@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -194,3 +195,27 @@ class Process:
             return self.popen.wait()
         finally:
             self._out.close()
+
+
+def watch_under_attack(
+    start: Callable[..., Process], folder: Path, spec: str, part: str, topic: str, domain_offset: int
+) -> tuple[list[dict], Process]:
+    """The bundled drive over DDS, one of its topics hijacked, watched by belie: its alerts, and the hijacker.
+
+    `part`, `topic`: the flag of `belie live` that takes in the lies, and where they are.
+    `domain_offset` sets tests apart.
+    """
+    network = ["--domain", str(100 + (os.getpid() + domain_offset) % 100), "--interface", "lo"]
+    config = folder / "live.toml"
+    config.write_text(LIKE_CHECK + "[dds]\nreliable = true\n")
+    flags = [*network, "--config", str(config)]
+    out = folder / "live.jsonl"
+    hijack = start([*BELIE, "attack", "--live", "dds", spec, *flags], "attack")
+    live = start([*BELIE, "live", "dds", *flags, "--json", str(out), part, topic], "live")
+    live.wait_for("waiting")
+    play = start([*BELIE, "play", str(DEMO), "dds", *network, "--wait", "2"], "play")
+    play.wait_for("played")
+    assert wait_until(lambda: len(out.read_text().splitlines()) == 120), live.said()
+    assert live.stop(signal.SIGINT) == 1, live.said()
+    hijack.stop(signal.SIGINT)
+    return [a for line in out.read_text().splitlines() for a in json.loads(line)["alerts"]], hijack

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import threading
@@ -321,7 +322,7 @@ def test_the_dashboard_takes_no_name_for_markup():
     )
     board.note(answer_of(result))
     board.fault("/det", "malformed message", "x")
-    console = Console(width=160, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    console = Console(width=160, record=True, file=io.StringIO())
     one = Input(
         topic="/[/b]", message_type="", received=0, dropped=0, lost=0, age_s=None, rate_hz=None, silent=True
     )
@@ -350,6 +351,6 @@ def answer_of(result: CheckResult) -> Answer:
 def test_the_dashboard_shows_faults():
     board = Board(state="watching", watching=True)
     board.fault(ODOM, "clock jump", "back by 3 s")
-    console = Console(width=100, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    console = Console(width=100, record=True, file=io.StringIO())
     console.print(drawn_picture(board.picture(())))
     assert "clock jump" in console.export_text()

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from live_tools import BELIE, DEMO, LIKE_CHECK, free_port, wait_until
+from live_tools import BELIE, DEMO, LIKE_CHECK, free_port, wait_until, watch_under_attack
 
 from belie.attacks import attack
 from belie.detector import Config
@@ -183,22 +183,8 @@ def test_ros1(attacked, answers_of_check, start, tmp_path):
 
 
 def test_attack_on_a_running_robot(start, tmp_path):
-    domain = str(100 + (os.getpid() + 1) % 100)
-    network = ["--domain", domain, "--interface", "lo"]
-    config = ["--config", str(live_config(tmp_path, "[dds]\nreliable = true\n"))]
-    out = tmp_path / "live.jsonl"
-    hijack = start(
-        [*BELIE, "attack", "--live", "dds", "paper-odometry:start=50", *network, *config], "attack"
-    )
-    options = [*config, "--json", str(out), "--odometry", "/odom_attacked", *network]
-    live = start([*BELIE, "live", "dds", *options], "live")
-    live.wait_for("waiting")
-    play = start([*BELIE, "play", str(DEMO), "dds", *network, "--wait", "2"], "play")
-    play.wait_for("played")
-    assert wait_until(lambda: len(out.read_text().splitlines()) == 120), live.said()
-    assert live.stop(signal.SIGINT) == 1, live.said()
-    hijack.stop(signal.SIGINT)
-    alerts = [a for line in out.read_text().splitlines() for a in json.loads(line)["alerts"]]
+    spec, topic = "paper-odometry:start=50", "/odom_attacked"
+    alerts, hijack = watch_under_attack(start, tmp_path, spec, "--odometry", topic, 1)
     assert [(a["type"], a["source"]) for a in alerts] == [("odometry_spoofing", "/odom_attacked")]
     assert "messages altered" in hijack.said()
 

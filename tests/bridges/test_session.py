@@ -211,7 +211,10 @@ def test_a_session_that_is_over_leaves_no_thread_behind(transport, robot, tmp_pa
             thread.name for thread in threading.enumerate()
         }
         session.request("reload")
-    left = lambda: {t.name for t in threading.enumerate() if t.ident not in before}  # noqa: E731
+
+    def left() -> set[str]:
+        return {t.name for t in threading.enumerate() if t.ident not in before}
+
     assert wait_until(lambda: not left(), 5.0), left()
     assert session.picture().sinks["/diagnostics"]["dropped"] == 0, "what waited was published first"
 

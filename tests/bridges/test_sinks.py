@@ -82,11 +82,24 @@ def test_an_outlet_that_hangs_delays_nobody():
     hang.set()
 
 
+class Quiet(BaseHTTPRequestHandler):
+    """Answers without a word on stderr."""
+
+    def log_message(self, *args: object) -> None: ...
+
+
+def serving(handler: type[BaseHTTPRequestHandler]) -> HTTPServer:
+    """A server on loopback, at work."""
+    server = HTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server
+
+
 def test_a_webhook_is_posted_again_until_it_is_taken():
     posts: list[dict] = []
     refuse = [True, True]
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(Quiet):
         def do_POST(self) -> None:
             body = self.rfile.read(int(self.headers["Content-Length"]))
             if refuse:
@@ -97,10 +110,7 @@ def test_a_webhook_is_posted_again_until_it_is_taken():
                 self.send_response(200)
             self.end_headers()
 
-        def log_message(self, *args: object) -> None: ...
-
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    server = serving(Handler)
     board = Board()
     sink = WebhookSink(WebhookSettings(url=f"http://127.0.0.1:{server.server_port}/"), RETRY, board)
     sink.answer(answer(1))
@@ -117,7 +127,7 @@ def test_a_webhook_that_redirects_is_a_failure_and_followed_nowhere(monkeypatch)
     monkeypatch.setenv("BELIE_WEBHOOK_TOKEN", "secret")
     asked: list[tuple[str, str]] = []
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(Quiet):
         def do_POST(self) -> None:
             self.rfile.read(int(self.headers["Content-Length"]))
             asked.append(("POST", self.path))
@@ -130,10 +140,7 @@ def test_a_webhook_that_redirects_is_a_failure_and_followed_nowhere(monkeypatch)
             self.send_response(200)
             self.end_headers()
 
-        def log_message(self, *args: object) -> None: ...
-
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    server = serving(Handler)
     board = Board()
     sink = WebhookSink(WebhookSettings(url=f"http://127.0.0.1:{server.server_port}/hook"), RETRY, board)
     sink.answer(answer(2, alert=True))

@@ -15,7 +15,7 @@ from belie.bridges.intake import Intake
 from belie.bridges.introduction import TF_STATIC, Introduction
 from belie.bridges.monitor import Monitor
 from belie.bridges.settings import LiveSettings
-from belie.bridges.sinks.opening import open_sinks
+from belie.bridges.sinks.opening import open_all, sinks_for
 from belie.bridges.sinks.sink import Sink
 from belie.bridges.wire import Received, Transport, now_ns
 from belie.recordings import topics as ros
@@ -98,15 +98,17 @@ class LiveSession:
         self._choice = choice
         limits = self._settings.intake
         self._intake = intake = Intake(choice.image.name, frames=limits.start_frames, claims=limits.claims)
-        self._sinks = open_sinks(
-            self._settings,
-            transport=self._transport,
-            board=self.board,
-            picture=self.picture,
-            choice=choice,
-            json=self._json,
-            dashboard=self._dashboard,
-            on_event=self._on_event,
+        self._sinks = open_all(
+            sinks_for(
+                self._settings,
+                transport=self._transport,
+                board=self.board,
+                picture=self.picture,
+                choice=choice,
+                json=self._json,
+                dashboard=self._dashboard,
+                on_event=self._on_event,
+            )
         )
         introduction = Introduction(choice, info_by_name=self._settings.topics.camera_info is not None)
         monitor = Monitor(introduction, self._settings, intake, self.board, self._answer, self._on_event)

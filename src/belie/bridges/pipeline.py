@@ -83,7 +83,6 @@ class Pipeline:
         )  # before any frame tells the images' clock
         self._indices: dict[str, int] = {}
         self._last_frame: tuple[int, int] | None = None
-        self._looked_at: Frame | None = None
 
     @property
     def body(self) -> str:
@@ -226,6 +225,5 @@ class Pipeline:
     def look(self) -> None:
         """Look at the frame that is answered next while it waits for its claims."""
         frame = self._joiner.next_frame()
-        if frame is not None and frame is not self._looked_at:
-            self._looked_at = frame
+        if frame is not None:
             self._detector.look(frame)

@@ -216,15 +216,22 @@ class DefaultProfile:
         self._waited[source] = self._waited.get(source, 0) + 1
         return self._waited[source] <= _MOST_WAITED
 
+    def _followed_odometry(self) -> tuple[StreamKey, OdometryCheck | None]:
+        """The odometry that positions are held against, and its check, if there is one."""
+        for key, check in self._motion_checks.items():
+            if key[0] == "odometry":
+                assert isinstance(check, OdometryCheck)
+                return key, check
+        return ("odometry", ""), None
+
     def _note_blindness(self, frame: Frame, motions: dict[StreamKey, SE3 | None]) -> None:
         """Keep by how much the odometry may have lied since the last frame without a trace, m."""
-        key = next((k for k in motions if k[0] == "odometry"), None)
-        T_prev_cur = None if key is None else motions[key]
-        if key is None or T_prev_cur is None or self._last_ns is None:
+        key, check = self._followed_odometry()
+        T_prev_cur = motions.get(key)
+        if check is None or T_prev_cur is None or self._last_ns is None:
             return
-        check = self._motion_checks[key]
         hidden_m = float(np.linalg.norm(T_prev_cur.t))  # where nobody looked, all of it
-        if isinstance(check, OdometryCheck) and check.floor_m_s is not None:
+        if check.floor_m_s is not None:
             seconds = (frame.stamp_ns - self._last_ns) * 1e-9
             hidden_m = min(hidden_m, _TRACELESS * check.floor_m_s * seconds)
         self._hidden_m.append((frame.stamp_ns, hidden_m))
@@ -261,11 +268,10 @@ class DefaultProfile:
 
     def _follow(self, frame: Frame, estimate: VisualEstimate | None) -> None:
         """Extend the trusted trajectory: by the odometry's step while it is believed, else by the camera's."""
-        key = next((k for k in self._motion_checks if k[0] == "odometry"), None)
-        if key is None:
+        _, check = self._followed_odometry()
+        if check is None:
             return
-        check, start_ns = self._motion_checks[key], self._trajectory.newest_ns
-        assert isinstance(check, OdometryCheck)
+        start_ns = self._trajectory.newest_ns
         if check.evidence is not None:  # untested, it stays as accused or as innocent as it was
             self._odometry_accused = check.evidence.contradicted
         seen: SE3 | None = None

@@ -108,8 +108,8 @@ class Detector:
     def look(self, frame: Frame) -> None:
         """Look at a frame before its claims are there: the greater part of the work, of which no claim is needed.
 
-        `update` must follow with the same frame, and answers as without this; nothing is done in the `paper` profile,
-        which sees by the claims.
+        `update` must follow with the same frame, and answers as without this; nothing is done when it is asked for
+        again, nor in the `paper` profile, which sees by the claims.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Detector:
         0
         """
         self._check(frame)
-        if isinstance(self._profile, DefaultProfile):
+        if self._looked_at is None and isinstance(self._profile, DefaultProfile):
             began = time.perf_counter()
             self._profile.look(frame)
             self._looked_at = frame, (time.perf_counter() - began) * 1e3

@@ -114,30 +114,23 @@ class ObjectStream:
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
         covering = Covering.of(then[lost], lost_stand, boxes, stand)
+        hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
         for k, i in enumerate(lost):
-            self._absent(
-                self.tracks[i],
-                claim.stamp_ns,
-                boxes[covering.which[k] & stand],
-                float(covering.share[k]),
-                current,
-            )
-        owners, covering = (
-            {self.tracks[i].track_id: self.tracks[i] for i in found},
-            Covering.among(boxes, stand),
-        )
+            share = float(covering.share[k])
+            self._absent(self.tracks[i], claim.stamp_ns, boxes[hiders[k]], share, current)
+        owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
+        covering = Covering.among(boxes, stand)
+        hiders = covering.which & stand
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
             owner = owners.get(detection.track_id)
-            self._present(
-                track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[covering.which[j] & stand]
-            )
+            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             track.cover_then = float(covering.by_any[j])
             track.hidden_then = float(covering.share[j])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
-            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[covering.which[j] & stand])
+            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
@@ -213,7 +206,7 @@ class ObjectStream:
         is_anothers = bool(detection.track_id) and owner is not None and owner is not track
         swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
         weight = _weight(detection.score)
-        vote = weight * min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
+        vote = weight * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
         if not (misnamed or swapped):
@@ -284,9 +277,7 @@ class ObjectStream:
         )
         weight = _weight(detection.score)
         track.weight = weight
-        track.votes[self.settings.classes.of(detection.label)] = weight * min(
-            1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX
-        )
+        track.votes[self.settings.classes.of(detection.label)] = weight * _sight(box)
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame, covers)
@@ -295,6 +286,11 @@ class ObjectStream:
 
 def _weight(score: float) -> float:
     return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
+
+
+def _sight(box: FloatArray) -> float:
+    """What a label counts of an object so large."""
+    return min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
 
 
 def _apart(a: FloatArray, b: FloatArray) -> bool:

@@ -30,18 +30,8 @@ class _Topic(SinkBase):
         self._outlet.close(timeout_s)
 
 
-def open_sinks(
-    settings: LiveSettings,
-    *,
-    transport: Transport,
-    board: Board,
-    picture: Callable[[], Picture],
-    choice: ros.Choice,
-    json: Path | None,
-    dashboard: bool,
-    on_event: Callable[[str], None],
-) -> list[Sink]:
-    """Open every sink that is asked for.
+def open_all(sinks: Iterator[Sink]) -> list[Sink]:
+    """Open every sink of `sinks_for`.
 
     Raises
     ------
@@ -49,25 +39,16 @@ def open_sinks(
         If one of them cannot work: told at the start, not after the first alert. Those that were open by then are
         closed, so that the settings of before can be opened again.
     """
-    sinks: list[Sink] = []
+    open_ones: list[Sink] = []
     with ExitStack() as opened:
-        for sink in _sinks(
-            settings,
-            transport=transport,
-            board=board,
-            picture=picture,
-            choice=choice,
-            json=json,
-            dashboard=dashboard,
-            on_event=on_event,
-        ):
+        for sink in sinks:
             opened.callback(sink.close, _CLOSE_S)
-            sinks.append(sink)
+            open_ones.append(sink)
         opened.pop_all()
-    return sinks
+    return open_ones
 
 
-def _sinks(
+def sinks_for(
     settings: LiveSettings,
     *,
     transport: Transport,
@@ -78,6 +59,7 @@ def _sinks(
     dashboard: bool,
     on_event: Callable[[str], None],
 ) -> Iterator[Sink]:
+    """Every sink that is asked for, each opened when it is its turn; see `open_all`."""
     answers = settings.answers
 
     def topic_of_ours(topic: str, message_type: str, *, latched: bool) -> _Topic:
