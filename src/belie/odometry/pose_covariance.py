@@ -6,10 +6,12 @@ here each point gives only what it tells with its depth hardly known, its epipol
 but the scale. And neighbouring corners err together (calibration, rolling shutter, fog that darkens as it nears,
 things that move): so the scores of the points, ``g_i = J_i' W_i e_i``, are summed over clusters c of the image,
 
-    C = H⁻¹ ( Σ_c g_c g_c' ) H⁻¹ B / (B - 6)
+    C = A⁻¹ ( Σ_c g_c g_c' ) A⁻¹ B / (B - 6)
 
 (Liang and Zeger, "Longitudinal data analysis using generalized linear models", 1986), which needs no model of how
-they err together.
+they err together. A is how the scores change with the motion. A robust kernel's do so by ψ', not by its weight ψ/r
+(Huber, *Robust Statistics*, 1981, ch. 7): ``A = s H``, with s the mean of ψ' over the mean of ψ/r, 0.75 of good pictures
+and less where many corners are half-way out.
 """
 
 from __future__ import annotations
@@ -18,12 +20,14 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.geometry import FloatArray
-from belie.odometry.relative_pose import RelativePose, covariance_of
+from belie.odometry.relative_pose import KERNEL_CHI2, RelativePose, covariance_of
 
 _COLUMNS, _ROWS = 4, 3
 _CLUSTERS = _COLUMNS * _ROWS
 LEAST_CORNERS = 3 * _CLUSTERS  # in each part of the image a few, or their disagreement says nothing
 _UNKNOWN_EXCESS = 4.0  # before frames have told: parts that disagree twice as much as noise explains
+_UNKNOWN_STEEPNESS = 0.75  # likewise: the kernel's for Gaussian residuals
+_LEAST_STEEPNESS = 0.2  # a kernel as flat as that holds on to nothing
 _NEAR = 1e-3
 _TRANSLATION, _ROTATION = slice(0, 3), slice(3, 6)
 
@@ -63,7 +67,7 @@ class PoseCovariance:
 
     def forget(self) -> None:
         """The scene is another one."""
-        self._frames, self._excess = 0, np.full(2, _UNKNOWN_EXCESS)
+        self._frames, self._excess, self._steepness = 0, np.full(2, _UNKNOWN_EXCESS), _UNKNOWN_STEEPNESS
 
     def update(
         self, previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
@@ -78,7 +82,7 @@ class PoseCovariance:
         sigma : float
             Of a tracked position, in the same units.
         """
-        C, scores = _information(previous, current, pose, sigma)
+        C, scores, steepness = _information(previous, current, pose, sigma)
         clusters = _clusters(current)
         g = np.array([scores[clusters == c].sum(axis=0) for c in range(_CLUSTERS)])
         among = np.diag(C @ (g.T @ g) @ C) * _CLUSTERS / (_CLUSTERS - 6)
@@ -87,16 +91,17 @@ class PoseCovariance:
         # A mean, at first with what was supposed before as one frame of it; then it forgets.
         share = max(1.0 / self._memory_frames, 1.0 / (self._frames + 2.0))
         self._excess = (1.0 - share) * self._excess + share * excess
+        self._steepness = (1.0 - share) * self._steepness + share * steepness
         self._frames += 1
         # Corners that happen to agree better than their noise allows are no better than their noise.
-        spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3)
+        spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3) / max(self._steepness, _LEAST_STEEPNESS)
         return np.asarray(C * np.outer(spread, spread))
 
 
 def _information(
     previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
-) -> tuple[FloatArray, FloatArray]:
-    """Covariance (6, 6) by these two images alone, the length as the map tells it; and the points' scores (N, 6)."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """Covariance (6, 6) by these two images alone, the length as the map tells it; scores (N, 6); the kernel's ψ' / (ψ/r)."""
     R, t, rho = pose.T_cur_prev.R, pose.T_cur_prev.t, pose.inverse_depth
     wide = np.maximum(rho, float(np.median(rho))) ** 2
     p = np.column_stack([previous, np.ones(len(previous))]) @ R.T + rho[:, None] * t
@@ -117,7 +122,14 @@ def _information(
     if length > 0.0:
         along = np.concatenate([t / length, np.zeros(3)])
         H = H + np.outer(along, along) / float(along @ pose.covariance @ along)
-    return covariance_of(H), (JW @ (current - seen)[:, :, None])[:, :, 0]
+    e = current - seen
+    # w = (K / (K + c))² of c = e'We, whose slope is -2 w / (K + c); of d components of e one is along e
+    d = 2.0 - gain * (slope**2).sum(axis=1)
+    c = (e * (W @ e[:, :, None])[:, :, 0]).sum(axis=1)
+    steepness = 1.0 - float(pose.weight @ (4.0 * c / d / (KERNEL_CHI2 + pose.chi2))) / float(
+        pose.weight.sum()
+    )
+    return covariance_of(H), (JW @ e[:, :, None])[:, :, 0], steepness
 
 
 def _clusters(current: FloatArray) -> npt.NDArray[np.int64]:

@@ -25,7 +25,7 @@ _OUTER_ITERATIONS = 8
 _WIDE = 512.0  # times the kernel: 68 sigma, 7 px for corners tracked to 0.1 px
 _INNER_ITERATIONS = 5
 _NEAR = 1e-3  # smallest Z_cur / Z_prev that is still in front of the camera
-_KERNEL_CHI2 = 9.0  # the kernel's half-way point: a 3-sigma error
+KERNEL_CHI2 = 9.0  # the kernel's half-way point: a 3-sigma error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,12 +53,12 @@ class RelativePose:
     @property
     def inliers(self) -> npt.NDArray[np.bool_]:
         """Points within three sigma of the motion."""
-        return np.asarray(self.chi2 < _KERNEL_CHI2)
+        return np.asarray(self.chi2 < KERNEL_CHI2)
 
     @property
     def weight(self) -> FloatArray:
         """What the robust kernel left of each point's say, 0 to 1, shape (N,)."""
-        return np.asarray((_KERNEL_CHI2 / (_KERNEL_CHI2 + self.chi2)) ** 2)
+        return np.asarray((KERNEL_CHI2 / (KERNEL_CHI2 + self.chi2)) ** 2)
 
 
 @compiled()
@@ -223,7 +223,7 @@ def _levenberg_marquardt(
     R_new = np.empty((3, 3))
     t_new = np.empty(3)
     first = True
-    kernel = _KERNEL_CHI2
+    kernel = KERNEL_CHI2
     for _outer in range(_OUTER_ITERATIONS):
         # The covariance of each point is held while the pose moves: were it part of the cost, a longer
         # translation would make every error look more likely, and the scale would creep upwards.
@@ -232,11 +232,11 @@ def _levenberg_marquardt(
             # Far from the minimum most points look like outliers: begin with a wide kernel, narrow it step by step.
             agreeing = 0
             for i in range(n):
-                agreeing += chi2[i] < _KERNEL_CHI2
-            kernel = _KERNEL_CHI2 if 2 * agreeing > n else _WIDE * _KERNEL_CHI2
+                agreeing += chi2[i] < KERNEL_CHI2
+            kernel = KERNEL_CHI2 if 2 * agreeing > n else _WIDE * KERNEL_CHI2
             first = False
         else:
-            kernel = max(kernel / 8.0, _KERNEL_CHI2)
+            kernel = max(kernel / 8.0, KERNEL_CHI2)
         cost = _accumulate(prev, cur, rho0, var0, shared, rho, slope, R, t, variance, kernel, H, g)
         damping = 1e-5
         length = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
@@ -290,7 +290,7 @@ def _levenberg_marquardt(
                 damping = max(damping * 10.0, 1e-4)
                 if damping > 1e4:
                     break
-        if kernel <= _KERNEL_CHI2 and moved < 1e-14 * (1.0 + length * length):
+        if kernel <= KERNEL_CHI2 and moved < 1e-14 * (1.0 + length * length):
             break
     _update_depths(prev, cur, rho0, var0, R, t, variance, rho, rho_var, slope, chi2)
     for a in range(6):

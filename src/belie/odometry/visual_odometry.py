@@ -276,9 +276,8 @@ class VisualOdometry:
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4);
-        # squared, since the outliers of repeated texture and traffic agree among themselves.
-        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05) ** 2
+        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4).
+        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05)
         covariance = pose.covariance
         if had_scale:
             current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
