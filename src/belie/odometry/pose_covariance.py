@@ -10,8 +10,8 @@ things that move): so the scores of the points, ``g_i = J_i' W_i e_i``, are summ
 
 (Liang and Zeger, "Longitudinal data analysis using generalized linear models", 1986), which needs no model of how
 they err together. A is how the scores change with the motion. A robust kernel's do so by ψ', not by its weight ψ/r
-(Huber, *Robust Statistics*, 1981, ch. 7): ``A = s H``, with s the mean of ψ' over the mean of ψ/r, 0.75 of good pictures
-and less where many corners are half-way out.
+(Huber, *Robust Statistics*, 1981, ch. 7): ``A = s H``, with s the mean of ψ' over the mean of ψ/r, 0.75 in good
+pictures and less where many corners are half-way out.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class PoseCovariance:
 def _information(
     previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Covariance (6, 6) by these two images alone, the length as the map tells it; scores (N, 6); the kernel's ψ' / (ψ/r)."""
+    """Covariance (6, 6) by these two images alone, the length as the map tells it; scores (N, 6); mean ψ' / mean ψ/r."""
     R, t, rho = pose.T_cur_prev.R, pose.T_cur_prev.t, pose.inverse_depth
     wide = np.maximum(rho, float(np.median(rho))) ** 2
     p = np.column_stack([previous, np.ones(len(previous))]) @ R.T + rho[:, None] * t

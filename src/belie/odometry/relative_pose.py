@@ -42,6 +42,8 @@ class RelativePose:
         Posterior, in the previous frame.
     chi2 : array (N,)
         Whitened squared error of each point.
+    across2 : array (N,)
+        The part of it across the epipolar line, whatever the depth.
     """
 
     T_cur_prev: SE3
@@ -49,11 +51,21 @@ class RelativePose:
     inverse_depth: FloatArray
     inverse_depth_variance: FloatArray
     chi2: FloatArray
+    across2: FloatArray
 
     @property
     def inliers(self) -> npt.NDArray[np.bool_]:
         """Points within three sigma of the motion."""
         return np.asarray(self.chi2 < KERNEL_CHI2)
+
+    @property
+    def neutral(self) -> npt.NDArray[np.bool_]:
+        """Points off the motion but on their epipolar lines, shape (N,).
+
+        Traffic along the robot's own course, and posts mistaken for the next ones: they neither move with the scene nor
+        speak against the rotation and the direction.
+        """
+        return np.asarray(~self.inliers & (self.across2 < KERNEL_CHI2))
 
     @property
     def weight(self) -> FloatArray:
@@ -203,6 +215,14 @@ def _update_depths(
         slope[i, 0] = su
         slope[i, 1] = sv
         chi2[i] = e2
+
+
+def _across2(previous: FloatArray, current: FloatArray, R: FloatArray, t: FloatArray, sigma: float) -> FloatArray:
+    """Squared distances (N,) from the epipolar lines, in units of sigma²."""
+    rays = np.column_stack([previous, np.ones(len(previous))]) @ R.T
+    line = np.cross(t, rays)
+    off = line[:, 0] * current[:, 0] + line[:, 1] * current[:, 1] + line[:, 2]
+    return np.asarray(off**2 / np.maximum((line[:, :2] ** 2).sum(axis=1), 1e-30) / sigma**2)
 
 
 @compiled()
@@ -357,6 +377,7 @@ def estimate_relative_pose(
         inverse_depth=rho,
         inverse_depth_variance=rho_var,
         chi2=chi2,
+        across2=_across2(previous, current, R, t, sigma),
     )
 
 

@@ -138,7 +138,7 @@ def _correlate(
 @compiled(reassociate=True)
 def _track_level(
     previous: Any, current: Any, start: Any, found: Any, alive: Any, correlation: Any,
-    scale: float, iterations: int, min_eigenvalue: float, last: bool,
+    scale: float, iterations: int, min_eigenvalue: float, harris: float, last: bool,
 ) -> None:  # fmt: skip
     """Refine `found` (full-resolution px) on one pyramid level, in place."""
     area = np.float32(_SIDE * _SIDE)
@@ -209,7 +209,8 @@ def _track_level(
         trace = hxx + hyy
         discriminant: Any = trace * trace - 4.0 * determinant
         smallest = 0.5 * (trace - np.sqrt(max(0.0, discriminant)))
-        if smallest < min_eigenvalue * area or determinant <= 0.0:
+        is_edge = last and determinant <= harris * trace * trace
+        if smallest < min_eigenvalue * area or determinant <= 0.0 or is_edge:
             if last:
                 alive[k] = False
             continue
@@ -254,6 +255,7 @@ def track(
     predicted_px: npt.NDArray[np.float64],
     settings: TrackingSettings,
     min_eigenvalue: float | None = None,
+    harris: float = 0.0,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Follow corners from one pyramid to the next.
 
@@ -293,7 +295,7 @@ def track(
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
             _track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
-                0.5**level, settings.iterations, least, level == 0,
+                0.5**level, settings.iterations, least, harris, level == 0,
             )  # fmt: skip
 
     if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:

@@ -23,6 +23,9 @@ _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
+import os
+_HARRIS=float(os.environ.get('HARRIS','0.04'))
+_BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -102,6 +105,7 @@ class VisualOdometry:
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
         self._unit = 1.0
+        self._sigma_px = 0.2
         self._forget_motion()
 
     def _begin_anew(self) -> None:
@@ -117,7 +121,6 @@ class VisualOdometry:
         self._interval_ns = 0
         self._stamp_ns: int | None = None
         self._has_scale = False
-        self._sigma_px = 0.2
         self._anchor = np.empty((0, 2))
 
     def update(self, frame: Frame) -> VisualEstimate:
@@ -129,12 +132,13 @@ class VisualOdometry:
         interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
-        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
+        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking, harris=_HARRIS)  # Ψ, (6)
         tried = len(found)
         self._corners.keep(verified)
         self._anchor = self._anchor[verified]
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
+        self._fits_anchor = np.ones(len(rays), dtype=bool)
         pose = self._optimize(rays, found, interval_ns)  # Θ, (6)
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
@@ -142,7 +146,7 @@ class VisualOdometry:
         estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
         self._learn_noise(pose)
         sane = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
-        kept = sane & (pose.chi2 < 16.0)
+        kept = sane & (pose.chi2 < 16.0) & self._fits_anchor
         self._corners.keep(kept)
         self._anchor = self._anchor[kept]
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
@@ -152,7 +156,7 @@ class VisualOdometry:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         else:
             self._unvouched += 1
-        if self._unvouched >= _MOST_UNVOUCHED:
+        if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN:
             self._begin_anew()
         self._take(frame, pyramid)
         return estimate
@@ -224,12 +228,15 @@ class VisualOdometry:
     def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
         """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
         corners = self._corners
+        self._fits_anchor = np.ones(len(rays), dtype=bool)
         R, parallax = rotation_between(rays[:, :2], current, sigma)
         _, since_anchor = rotation_between(self._anchor, current, sigma)
         inverse_depth, variance = corners.inverse_depth, corners.variance
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
             pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
-            if pose is not None:
+            if pose is not None and not _tells_which_way(pose):
+                self._fits_anchor = pose.chi2 < 16.0
+            elif pose is not None:
                 # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
                 z_ratio = (
                     self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
@@ -250,6 +257,7 @@ class VisualOdometry:
             inverse_depth=inverse_depth,
             inverse_depth_variance=variance,
             chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
+            across2=np.full(len(rays), np.inf),
         )
 
     def _anchor_rays(self) -> FloatArray:
@@ -264,7 +272,7 @@ class VisualOdometry:
             self._anchor, current, typical, (10.0 * typical) ** 2, SE3(scratch.R, scratch.t * self._unit),
             sigma=sigma, fix_length=True,
         )  # fmt: skip
-        return pose if float(pose.inliers.mean()) >= 2.0 * _LEAST_AGREEING else None
+        return pose
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
@@ -276,8 +284,7 @@ class VisualOdometry:
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        # The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4).
-        sureness = max(2.0 * float(inliers.mean()) - 1.0, 0.05)
+        sureness = _sureness(_agreement(pose))
         covariance = pose.covariance
         if had_scale:
             current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
@@ -285,9 +292,10 @@ class VisualOdometry:
             depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
             bias = self.settings.tracking_bias_px / self._focal_px * depth
             covariance[:3, :3] += bias**2 * np.eye(3)
+            covariance = _stretched(covariance, pose, sureness)
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         agreeing = int(inliers.sum())
-        if agreeing < _MAJORITY * len(found):
+        if agreeing < _MAJORITY * (len(found) - int(pose.neutral.sum())):
             reason = (
                 f"no majority: {agreeing} of {len(found)} corners move as one (traffic, repeated texture)"
             )
@@ -369,6 +377,31 @@ class VisualOdometry:
             parallax_px=0.0,
             reason=reason,
         )
+
+
+def _agreement(pose: RelativePose) -> float:
+    """Share of the points that move with the scene, of all that say anything of rotation and direction."""
+    return float(pose.inliers.sum()) / max(len(pose.chi2) - int(pose.neutral.sum()), 1)
+
+
+def _tells_which_way(pose: RelativePose) -> bool:
+    """Whether enough points agree on a direction, and most of those with parallax on which way along it."""
+    ahead = int((pose.inliers & (pose.inverse_depth > 3.0 * np.sqrt(pose.inverse_depth_variance))).sum())
+    most = _MAJORITY * (ahead + int(pose.neutral.sum()))
+    return _agreement(pose) >= 2.0 * _LEAST_AGREEING and ahead >= most
+
+
+def _stretched(covariance: FloatArray, pose: RelativePose, sureness: float) -> FloatArray:
+    """The covariance, with the length of the translation surer by no more than those who agree on it."""
+    t = pose.T_cur_prev.t
+    along = np.concatenate([t / max(float(np.linalg.norm(t)), 1e-12), np.zeros(3)])
+    more = (sureness / _sureness(float(pose.inliers.mean()))) ** 2 - 1.0
+    return covariance + more * float(along @ covariance @ along) * np.outer(along, along)
+
+
+def _sureness(agreeing: float) -> float:
+    """The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4)."""
+    return max(2.0 * agreeing - 1.0, 0.05)
 
 
 def _project(points: FloatArray) -> FloatArray:
