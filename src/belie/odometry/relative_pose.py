@@ -217,7 +217,9 @@ def _update_depths(
         chi2[i] = e2
 
 
-def _across2(previous: FloatArray, current: FloatArray, R: FloatArray, t: FloatArray, sigma: float) -> FloatArray:
+def _across2(
+    previous: FloatArray, current: FloatArray, R: FloatArray, t: FloatArray, sigma: float
+) -> FloatArray:
     """Squared distances (N,) from the epipolar lines, in units of sigma²."""
     rays = np.column_stack([previous, np.ones(len(previous))]) @ R.T
     line = np.cross(t, rays)

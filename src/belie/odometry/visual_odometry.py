@@ -23,9 +23,12 @@ _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
-import os
-_HARRIS=float(os.environ.get('HARRIS','0.04'))
+_HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
+_LEAST_EXTENT = (
+    0.15  # of the image: half the corners of a car in the next lane, ten metres ahead, lie within it
+)
+_KNOWN_RAD = 0.1  # of a direction: a map made by it has its depths to a tenth
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -132,7 +135,9 @@ class VisualOdometry:
         interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
-        found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking, harris=_HARRIS)  # Ψ, (6)
+        found, verified = track(
+            self._pyramid, pyramid, self._corners.px, predicted, self.tracking, harris=_HARRIS
+        )  # Ψ, (6)
         tried = len(found)
         self._corners.keep(verified)
         self._anchor = self._anchor[verified]
@@ -234,7 +239,9 @@ class VisualOdometry:
         inverse_depth, variance = corners.inverse_depth, corners.variance
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
             pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
-            if pose is not None and not _tells_which_way(pose):
+            if pose is not None and not (
+                _tells_which_way(pose) and self._knows_direction(current, pose, sigma)
+            ):
                 self._fits_anchor = pose.chi2 < 16.0
             elif pose is not None:
                 # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
@@ -259,6 +266,16 @@ class VisualOdometry:
             chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
             across2=np.full(len(rays), np.inf),
         )
+
+    def _knows_direction(self, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
+        """Whether the direction since the anchor is known well enough to make a map by: its error is in every depth."""
+        t = pose.T_cur_prev.t
+        C = (
+            PoseCovariance(1).update(self._anchor, current, pose, sigma)[:3, :3]
+            / _sureness(_agreement(pose)) ** 2
+        )
+        across = float(np.trace(C)) - float(t @ C @ t) / float(t @ t)
+        return across < _KNOWN_RAD**2 * float(t @ t)
 
     def _anchor_rays(self) -> FloatArray:
         return np.column_stack([self._anchor, np.ones(len(self._anchor))])
@@ -303,6 +320,9 @@ class VisualOdometry:
         elif had_scale and agreeing < LEAST_CORNERS:
             reason = f"too few corners: {agreeing} agree, {LEAST_CORNERS} are needed to tell how far they may be off"
             agreeing = 0
+        elif had_scale and self._extent(found[inliers]) < _LEAST_EXTENT:
+            reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
+            agreeing = 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
@@ -318,6 +338,11 @@ class VisualOdometry:
             predicted_px=self._full(predicted),
             observed_px=self._full(found),
         )
+
+    def _extent(self, px: FloatArray) -> float:
+        """Share of the image's width or height, whichever is more, that the middle half of the corners spans."""
+        low, high = np.quantile(px, [0.25, 0.75], axis=0)
+        return float(np.max((high - low) / (self._camera.width, self._camera.height)))
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
