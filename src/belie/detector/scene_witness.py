@@ -27,6 +27,7 @@ _RIDES = (
 )
 _NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
+_LEAST_GROUNDS = 3  # fits: a plane through parked cars passes for the road once, and no majority outvotes it
 _GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
 
 
@@ -78,7 +79,8 @@ class SceneWitness:
         if seen is not None:
             self._grounds.append(seen.coefficients)
             self._ground_frame = self.frame
-            self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
+            if len(self._grounds) >= _LEAST_GROUNDS:
+                self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
     def evidence(self, track: ObjectTrack) -> tuple[float | None, float | None]:

@@ -101,7 +101,7 @@ class PoseCovariance:
 def _information(
     previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Covariance (6, 6) by these two images alone, the length as the map tells it; scores (N, 6); mean ψ' / mean ψ/r."""
+    """Covariance (6, 6) by two images alone, the length as the map tells it; scores (N, 6); mean ψ' over mean ψ/r."""
     R, t, rho = pose.T_cur_prev.R, pose.T_cur_prev.t, pose.inverse_depth
     wide = np.maximum(rho, float(np.median(rho))) ** 2
     p = np.column_stack([previous, np.ones(len(previous))]) @ R.T + rho[:, None] * t
