@@ -360,6 +360,11 @@ def estimate_relative_pose(
     )
 
 
+def robust_cost(pose: RelativePose) -> float:
+    """What the corners say against a motion: their chi2, each no more than that of an outlier."""
+    return float(np.minimum(pose.chi2, _KERNEL_CHI2).sum())
+
+
 def covariance_of(H: FloatArray) -> FloatArray:
     """Inverse of an information matrix, symmetric and positive definite whatever its condition.
 

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
 from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.plane_ambiguity import (
+    OtherMotion,
+    evidence_between,
+    is_another,
+    is_refuted,
+    motions_of_plane,
+)
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
-from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
+from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
 from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
@@ -23,6 +32,7 @@ _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
+_WILD_CHI2 = 16.0  # of a corner that is no longer followed
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -119,6 +129,7 @@ class VisualOdometry:
         self._has_scale = False
         self._sigma_px = 0.2
         self._anchor = np.empty((0, 2))
+        self._other: OtherMotion | None = None
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
@@ -131,8 +142,7 @@ class VisualOdometry:
         predicted = self._predict(rays, interval_ns)  # (4), (5)
         found, verified = track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking)  # Ψ, (6)
         tried = len(found)
-        self._corners.keep(verified)
-        self._anchor = self._anchor[verified]
+        self._keep(verified)
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
         pose = self._optimize(rays, found, interval_ns)  # Θ, (6)
@@ -141,14 +151,18 @@ class VisualOdometry:
             return self._lost(frame, pyramid, tried, len(found))
         estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
         self._learn_noise(pose)
-        sane = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
-        kept = sane & (pose.chi2 < 16.0)
-        self._corners.keep(kept)
-        self._anchor = self._anchor[kept]
+        kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
+        kept &= pose.chi2 < _WILD_CHI2
+        if self._other is not None:
+            other = self._other
+            kept |= other.corners.advance(rays, other.pose, found, self.settings.depth_drift) & (
+                other.pose.chi2 < _WILD_CHI2
+            )
+        self._keep(kept)
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
         if estimate.inliers:
             self._unvouched = 0
-            if had_scale and not estimate.is_still:
+            if had_scale and self._other is None and not estimate.is_still:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         else:
             self._unvouched += 1
@@ -158,15 +172,24 @@ class VisualOdometry:
         return estimate
 
     def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation."""
+        """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation.
+
+        None while two motions stand, and with them two depths for each.
+        """
         deviation = np.sqrt(self._corners.variance)
-        known = deviation < 0.2 * self._corners.inverse_depth
+        known = deviation < (0.2 if self._other is None else 0.0) * self._corners.inverse_depth
         xy = self._camera.normalize(self._corners.px[known])
         return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
 
     def half(self) -> GrayImage | None:
         """The latest image at half its size, where that is what was looked at."""
         return self._pyramid[0] if self._shrink == 2 and self._pyramid else None
+
+    def _keep(self, chosen: npt.NDArray[np.bool_]) -> None:
+        self._corners.keep(chosen)
+        self._anchor = self._anchor[chosen]
+        if self._other is not None:
+            self._other.corners.keep(chosen)
 
     # -- stages ------------------------------------------------------------------------------------
 
@@ -194,9 +217,25 @@ class VisualOdometry:
         sigma = self._sigma_px / self._focal_px
         if not self._has_scale:
             return self._first_baseline(rays, current, sigma)
-        corners = self._corners
         ratio = interval_ns / self._interval_ns if self._interval_ns > 0 else 1.0
-        guesses = [SE3.exp(self._T_cur_prev.log() * ratio)]
+        pose = self._refine(rays, current, self._corners, self._T_cur_prev, ratio)
+        if self._other is None:
+            return pose
+        other = self._other
+        other.pose = self._refine(rays, current, other.corners, other.pose.T_cur_prev, ratio)
+        other.weigh(pose)
+        if other.proven:
+            self._corners, pose = other.corners, other.pose
+        if other.proven or other.refuted:
+            self._other = None
+        return pose
+
+    def _refine(
+        self, rays: FloatArray, current: FloatArray, corners: TrackedCorners, last: SE3, ratio: float
+    ) -> RelativePose:
+        """The motion that fits a map best, looked for from the last one, and from rest and scratch where that fails."""
+        sigma = self._sigma_px / self._focal_px
+        guesses = [SE3.exp(last.log() * ratio)]
         best: RelativePose | None = None
         for attempt in range(2):
             for guess in guesses:
@@ -209,7 +248,7 @@ class VisualOdometry:
                     sigma=sigma,
                     calibration_error=self.settings.calibration_error,
                 )
-                if best is None or np.minimum(pose.chi2, 9.0).sum() < np.minimum(best.chi2, 9.0).sum():
+                if best is None or robust_cost(pose) < robust_cost(best):
                     best = pose
             if attempt == 0 and best is not None and float(best.inliers.mean()) > 0.6:
                 break
@@ -218,7 +257,8 @@ class VisualOdometry:
             guesses = [SE3(R, np.zeros(3))]
             scratch = relative_pose_from_scratch(rays[:, :2], current, sigma)
             if scratch is not None:
-                guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(self._T_cur_prev.t))))
+                guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(last.t))))
+        assert best is not None
         return best
 
     def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
@@ -227,44 +267,72 @@ class VisualOdometry:
         R, parallax = rotation_between(rays[:, :2], current, sigma)
         _, since_anchor = rotation_between(self._anchor, current, sigma)
         inverse_depth, variance = corners.inverse_depth, corners.variance
+        other: RelativePose | None = None
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
-            pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
-            if pose is not None:
-                # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
-                z_ratio = (
-                    self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
-                )
-                z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
-                turned = rays @ R[2]
-                inverse_depth = np.nan_to_num(pose.inverse_depth / z_ratio * turned, nan=-1.0)
-                variance = pose.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2
+            found = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
+            if found is not None:
+                pose, other = found
+                inverse_depth, variance = self._depths_after(pose, rays, R)
                 self._has_scale = True
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
         hidden = hidden_rotation(rays[:, :2]) * float(np.median(parallax))
         mistaken = hidden**2 + sigma * sigma / len(rays)
         residual = current - _project(rays @ R.T)
-        return RelativePose(
-            T_cur_prev=SE3(R, np.zeros(3)),
-            covariance=np.diag([_UNOBSERVED] * 3 + [mistaken] * 3),
-            inverse_depth=inverse_depth,
-            inverse_depth_variance=variance,
-            chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
+
+        def turned(inverse_depth: FloatArray, variance: FloatArray) -> RelativePose:
+            return RelativePose(
+                T_cur_prev=SE3(R, np.zeros(3)),
+                covariance=np.diag([_UNOBSERVED] * 3 + [mistaken] * 3),
+                inverse_depth=inverse_depth,
+                inverse_depth_variance=variance,
+                chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
+            )
+
+        if other is not None:
+            self._other = OtherMotion(
+                deepcopy(corners), turned(*self._depths_after(other, rays, R)), evidence_between(pose, other)
+            )
+        return turned(inverse_depth, variance)
+
+    def _depths_after(
+        self, since_anchor: RelativePose, rays: FloatArray, R: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Depths in the current frame, as `advance` will expect them in the previous one under (R, 0)."""
+        T = since_anchor.T_cur_prev
+        z_ratio = self._anchor_rays() @ T.R[2] + since_anchor.inverse_depth * T.t[2]
+        z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
+        turned = rays @ R[2]
+        return (
+            np.nan_to_num(since_anchor.inverse_depth / z_ratio * turned, nan=-1.0),
+            since_anchor.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2,
         )
 
     def _anchor_rays(self) -> FloatArray:
         return np.column_stack([self._anchor, np.ones(len(self._anchor))])
 
-    def _motion_since_anchor(self, current: FloatArray, sigma: float, parallax: float) -> RelativePose | None:
+    def _motion_since_anchor(
+        self, current: FloatArray, sigma: float, parallax: float
+    ) -> tuple[RelativePose, RelativePose | None] | None:
+        """The motion that fits best, and the other one that a plane allows where these two images do not refute it."""
         scratch = relative_pose_from_scratch(self._anchor, current, sigma)
         if scratch is None:
             return None
         typical = np.full(len(current), max(parallax / self._unit, 1e-9))
-        pose = estimate_relative_pose(
-            self._anchor, current, typical, (10.0 * typical) ** 2, SE3(scratch.R, scratch.t * self._unit),
-            sigma=sigma, fix_length=True,
-        )  # fmt: skip
-        return pose if float(pose.inliers.mean()) >= 2.0 * _LEAST_AGREEING else None
+
+        def polished(start: SE3) -> RelativePose:
+            return estimate_relative_pose(
+                self._anchor, current, typical, (10.0 * typical) ** 2, start, sigma=sigma, fix_length=True
+            )
+
+        pose = polished(SE3(scratch.R, scratch.t * self._unit))
+        found = [pose, *(polished(start) for start in motions_of_plane(self._anchor, pose))]
+        found.sort(key=robust_cost)
+        pose = found[0]
+        if float(pose.inliers.mean()) < 2.0 * _LEAST_AGREEING:
+            return None
+        others = (other for other in found[1:] if is_another(pose, other) and not is_refuted(pose, other))
+        return pose, next(others, None)
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
@@ -286,7 +354,11 @@ class VisualOdometry:
             depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
             bias = self.settings.tracking_bias_px / self._focal_px * depth
             covariance[:3, :3] += bias**2 * np.eye(3)
+            if self._other is not None:
+                covariance += self._other.doubt(pose)
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
+        if had_scale and self._other is not None:
+            reason = "two motions explain the images: all corners lie in one plane; only rotation is checked"
         agreeing = int(inliers.sum())
         if agreeing < _MAJORITY * len(found):
             reason = (
@@ -335,7 +407,8 @@ class VisualOdometry:
             farthest = (
                 self._sigma_px / self._focal_px / max(float(np.linalg.norm(self._T_cur_prev.t)), self._unit)
             )
-            corners.add(fresh, max(corners.typical_inverse_depth(), farthest))
+            for followed in (corners, *(() if self._other is None else (self._other.corners,))):
+                followed.add(fresh, max(followed.typical_inverse_depth(), farthest))
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
