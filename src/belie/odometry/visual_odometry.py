@@ -33,6 +33,7 @@ _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lo
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
+_UNKNOWN_DEPTH = 10.0  # standard deviation of an inverse depth of which nothing is known, in typical ones
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -265,15 +266,15 @@ class VisualOdometry:
         """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
         corners = self._corners
         R, parallax = rotation_between(rays[:, :2], current, sigma)
-        _, since_anchor = rotation_between(self._anchor, current, sigma)
-        inverse_depth, variance = corners.inverse_depth, corners.variance
-        other: RelativePose | None = None
+        # Two images: those corners that were first seen in the same one, most of them in the first.
+        together = corners.age == np.bincount(corners.age).argmax()
+        anchor = self._anchor[together]
+        _, since_anchor = rotation_between(anchor, current[together], sigma)
+        found: tuple[RelativePose, RelativePose | None] | None = None
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
-            found = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
-            if found is not None:
-                pose, other = found
-                inverse_depth, variance = self._depths_after(pose, rays, R)
-                self._has_scale = True
+            found = self._motion_since_anchor(
+                anchor, current[together], sigma, float(np.median(since_anchor))
+            )
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
         hidden = hidden_rotation(rays[:, :2]) * float(np.median(parallax))
@@ -289,44 +290,38 @@ class VisualOdometry:
                 chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
             )
 
+        def with_depths(since_anchor: RelativePose) -> RelativePose:
+            near, variance = _depths_after(since_anchor, anchor, rays[together], R)
+            typical = float(np.median(np.maximum(near, 0.0)))
+            inverse_depth = np.full(len(rays), typical)
+            unknown = np.full(len(rays), (_UNKNOWN_DEPTH * typical) ** 2 + 1e-18)
+            inverse_depth[together], unknown[together] = near, variance
+            return turned(inverse_depth, unknown)
+
+        if found is None:
+            return turned(corners.inverse_depth, corners.variance)
+        self._has_scale = True
+        pose, other = found
         if other is not None:
-            self._other = OtherMotion(
-                deepcopy(corners), turned(*self._depths_after(other, rays, R)), evidence_between(pose, other)
-            )
-        return turned(inverse_depth, variance)
-
-    def _depths_after(
-        self, since_anchor: RelativePose, rays: FloatArray, R: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Depths in the current frame, as `advance` will expect them in the previous one under (R, 0)."""
-        T = since_anchor.T_cur_prev
-        z_ratio = self._anchor_rays() @ T.R[2] + since_anchor.inverse_depth * T.t[2]
-        z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
-        turned = rays @ R[2]
-        return (
-            np.nan_to_num(since_anchor.inverse_depth / z_ratio * turned, nan=-1.0),
-            since_anchor.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2,
-        )
-
-    def _anchor_rays(self) -> FloatArray:
-        return np.column_stack([self._anchor, np.ones(len(self._anchor))])
+            self._other = OtherMotion(deepcopy(corners), with_depths(other), evidence_between(pose, other))
+        return with_depths(pose)
 
     def _motion_since_anchor(
-        self, current: FloatArray, sigma: float, parallax: float
+        self, anchor: FloatArray, current: FloatArray, sigma: float, parallax: float
     ) -> tuple[RelativePose, RelativePose | None] | None:
         """The motion that fits best, and the other one that a plane allows where these two images do not refute it."""
-        scratch = relative_pose_from_scratch(self._anchor, current, sigma)
+        scratch = relative_pose_from_scratch(anchor, current, sigma)
         if scratch is None:
             return None
         typical = np.full(len(current), max(parallax / self._unit, 1e-9))
 
         def polished(start: SE3) -> RelativePose:
             return estimate_relative_pose(
-                self._anchor, current, typical, (10.0 * typical) ** 2, start, sigma=sigma, fix_length=True
+                anchor, current, typical, (_UNKNOWN_DEPTH * typical) ** 2, start, sigma=sigma, fix_length=True
             )
 
         pose = polished(SE3(scratch.R, scratch.t * self._unit))
-        found = [pose, *(polished(start) for start in motions_of_plane(self._anchor, pose))]
+        found = [pose, *(polished(start) for start in motions_of_plane(anchor, pose))]
         found.sort(key=robust_cost)
         pose = found[0]
         if float(pose.inliers.mean()) < 2.0 * _LEAST_AGREEING:
@@ -443,6 +438,20 @@ class VisualOdometry:
             parallax_px=0.0,
             reason=reason,
         )
+
+
+def _depths_after(
+    since_anchor: RelativePose, anchor: FloatArray, rays: FloatArray, R: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Inverse depths and variances now, as `advance` will expect them in the previous frame under (R, 0)."""
+    T = since_anchor.T_cur_prev
+    z_ratio = anchor @ T.R[2, :2] + T.R[2, 2] + since_anchor.inverse_depth * T.t[2]
+    z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
+    turned = rays @ R[2]
+    return (
+        np.nan_to_num(since_anchor.inverse_depth / z_ratio * turned, nan=-1.0),
+        since_anchor.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2,
+    )
 
 
 def _project(points: FloatArray) -> FloatArray:
