@@ -22,7 +22,7 @@ from belie.odometry.plane_ambiguity import (
     motions_of_plane,
 )
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
-from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost
+from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
 from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
@@ -260,7 +260,17 @@ class VisualOdometry:
             if scratch is not None:
                 guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(last.t))))
         assert best is not None
-        return best
+        if int(best.inliers.sum()) < LEAST_CORNERS:  # too few to tell by themselves
+            return best
+        return straightened(
+            best,
+            rays[:, :2],
+            current,
+            corners.inverse_depth,
+            corners.variance,
+            sigma=sigma,
+            calibration_error=self.settings.calibration_error,
+        )
 
     def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
         """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
@@ -324,7 +334,7 @@ class VisualOdometry:
         found = [pose, *(polished(start) for start in motions_of_plane(anchor, pose))]
         found.sort(key=robust_cost)
         pose = found[0]
-        if float(pose.inliers.mean()) < 2.0 * _LEAST_AGREEING:
+        if float(pose.inliers.mean()) < 2.0 * _LEAST_AGREEING or int(pose.inliers.sum()) < LEAST_CORNERS:
             return None
         others = (other for other in found[1:] if is_another(pose, other) and not is_refuted(pose, other))
         return pose, next(others, None)
