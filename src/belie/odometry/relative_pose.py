@@ -375,10 +375,10 @@ def straightened(
     """A motion that does not follow a bent map: half-way to what the two images tell by themselves.
 
     All depths of a map carry the errors of the motions that made them: a motion that is off bends the map, and a bent
-    map calls for the same motion again. In fog, where no corner is far away, the yaw stayed off by 0.1 to 0.25 degrees a
-    frame for seventy frames, although the epipolar constraints of every pair of images had it right to 0.02. The bend is
-    known no better than the motions that it comes from, so map and images have an equal say in rotation and direction,
-    and a bend halves where it lasted. The length is then read off the map anew.
+    map calls for the same motion again. In fog, where no corner is far away, the yaw stayed off by 0.1 to 0.25 degrees
+    a frame for seventy frames, although the epipolar constraints of every pair of images had it right to 0.02. The bend
+    is known no better than the motions that it comes from, so map and images have an equal say in rotation and
+    direction, and a bend halves where it lasted. The length is then read off the map anew.
 
     Parameters
     ----------
