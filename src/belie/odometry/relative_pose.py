@@ -410,17 +410,18 @@ def straightened(
         share = float(weight @ (by_length * (current - p[:, :2] / d)).sum(axis=1)) / told
         t = t * (1.0 + min(max(share, -0.5), 0.5))
     n = len(previous)
-    rho, rho_var, slope, chi2 = np.empty(n), np.empty(n), np.empty((n, 2)), np.empty(n)
+    rho, rho_var, slope, _chi2 = np.empty(n), np.empty(n), np.empty((n, 2)), np.empty(n)
     _update_depths(
         np.ascontiguousarray(previous), np.ascontiguousarray(current), inverse_depth, inverse_depth_variance,
-        np.array(seen.R), np.array(t), sigma * sigma, rho, rho_var, slope, chi2,
+        np.array(seen.R), np.array(t), sigma * sigma, rho, rho_var, slope, _chi2,
     )  # fmt: skip
+    # Which corners move as one is told by the motion that fits them all best, bent or not.
     return RelativePose(
         T_cur_prev=SE3(seen.R, t),
         covariance=pose.covariance,
         inverse_depth=rho,
         inverse_depth_variance=rho_var,
-        chi2=chi2,
+        chi2=pose.chi2,
     )
 
 

@@ -224,7 +224,9 @@ class VisualOdometry:
             return pose
         other = self._other
         other.pose = self._refine(rays, current, other.corners, other.pose.T_cur_prev, ratio)
-        other.weigh(pose)
+        # Where traffic outvotes the scene, neither is told from the other by it.
+        if max(float(pose.inliers.mean()), float(other.pose.inliers.mean())) >= _MAJORITY:
+            other.weigh(pose)
         if other.proven:
             self._corners, pose = other.corners, other.pose
         if other.proven or other.refuted:
