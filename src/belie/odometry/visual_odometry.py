@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
 from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.plane_ambiguity import (
+    OtherMotion,
+    evidence_between,
+    is_another,
+    is_refuted,
+    motions_of_plane,
+)
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
-from belie.odometry.relative_pose import RelativePose, estimate_relative_pose
+from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
 from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
@@ -25,10 +34,10 @@ _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of t
 _MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 _HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
-_LEAST_EXTENT = (
-    0.15  # of the image: half the corners of a car in the next lane, ten metres ahead, lie within it
-)
+_LEAST_EXTENT = 0.15  # of the image: half the corners of a car in the next lane, 10 m ahead, lie within it
 _KNOWN_RAD = 0.1  # of a direction: a map made by it has its depths to a tenth
+_WILD_CHI2 = 16.0  # of a corner that is no longer followed
+_UNKNOWN_DEPTH = 10.0  # standard deviation of an inverse depth of which nothing is known, in typical ones
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -125,6 +134,7 @@ class VisualOdometry:
         self._stamp_ns: int | None = None
         self._has_scale = False
         self._anchor = np.empty((0, 2))
+        self._other: OtherMotion | None = None
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
@@ -139,8 +149,7 @@ class VisualOdometry:
             self._pyramid, pyramid, self._corners.px, predicted, self.tracking, harris=_HARRIS
         )  # Ψ, (6)
         tried = len(found)
-        self._corners.keep(verified)
-        self._anchor = self._anchor[verified]
+        self._keep(verified)
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
         self._fits_anchor = np.ones(len(rays), dtype=bool)
@@ -150,14 +159,18 @@ class VisualOdometry:
             return self._lost(frame, pyramid, tried, len(found))
         estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
         self._learn_noise(pose)
-        sane = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
-        kept = sane & (pose.chi2 < 16.0) & self._fits_anchor
-        self._corners.keep(kept)
-        self._anchor = self._anchor[kept]
+        kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
+        kept &= (pose.chi2 < _WILD_CHI2) & self._fits_anchor
+        if self._other is not None:
+            other = self._other
+            kept |= other.corners.advance(rays, other.pose, found, self.settings.depth_drift) & (
+                other.pose.chi2 < _WILD_CHI2
+            )
+        self._keep(kept)
         self._T_cur_prev, self._interval_ns = pose.T_cur_prev, interval_ns
         if estimate.inliers:
             self._unvouched = 0
-            if had_scale and not estimate.is_still:
+            if had_scale and self._other is None and not estimate.is_still:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         else:
             self._unvouched += 1
@@ -167,15 +180,24 @@ class VisualOdometry:
         return estimate
 
     def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation."""
+        """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation.
+
+        None while two motions stand, and with them two depths for each.
+        """
         deviation = np.sqrt(self._corners.variance)
-        known = deviation < 0.2 * self._corners.inverse_depth
+        known = deviation < (0.2 if self._other is None else 0.0) * self._corners.inverse_depth
         xy = self._camera.normalize(self._corners.px[known])
         return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
 
     def half(self) -> GrayImage | None:
         """The latest image at half its size, where that is what was looked at."""
         return self._pyramid[0] if self._shrink == 2 and self._pyramid else None
+
+    def _keep(self, chosen: npt.NDArray[np.bool_]) -> None:
+        self._corners.keep(chosen)
+        self._anchor = self._anchor[chosen]
+        if self._other is not None:
+            self._other.corners.keep(chosen)
 
     # -- stages ------------------------------------------------------------------------------------
 
@@ -203,9 +225,27 @@ class VisualOdometry:
         sigma = self._sigma_px / self._focal_px
         if not self._has_scale:
             return self._first_baseline(rays, current, sigma)
-        corners = self._corners
         ratio = interval_ns / self._interval_ns if self._interval_ns > 0 else 1.0
-        guesses = [SE3.exp(self._T_cur_prev.log() * ratio)]
+        pose = self._refine(rays, current, self._corners, self._T_cur_prev, ratio)
+        if self._other is None:
+            return pose
+        other = self._other
+        other.pose = self._refine(rays, current, other.corners, other.pose.T_cur_prev, ratio)
+        # Where traffic outvotes the scene, neither is told from the other by it.
+        if max(float(pose.inliers.mean()), float(other.pose.inliers.mean())) >= _MAJORITY:
+            other.weigh(pose)
+        if other.proven:
+            self._corners, pose = other.corners, other.pose
+        if other.proven or other.refuted:
+            self._other = None
+        return pose
+
+    def _refine(
+        self, rays: FloatArray, current: FloatArray, corners: TrackedCorners, last: SE3, ratio: float
+    ) -> RelativePose:
+        """The motion that fits a map best, looked for from the last one, and from rest and scratch where that fails."""
+        sigma = self._sigma_px / self._focal_px
+        guesses = [SE3.exp(last.log() * ratio)]
         best: RelativePose | None = None
         for attempt in range(2):
             for guess in guesses:
@@ -218,7 +258,7 @@ class VisualOdometry:
                     sigma=sigma,
                     calibration_error=self.settings.calibration_error,
                 )
-                if best is None or np.minimum(pose.chi2, 9.0).sum() < np.minimum(best.chi2, 9.0).sum():
+                if best is None or robust_cost(pose) < robust_cost(best):
                     best = pose
             if attempt == 0 and best is not None and float(best.inliers.mean()) > 0.6:
                 break
@@ -227,69 +267,103 @@ class VisualOdometry:
             guesses = [SE3(R, np.zeros(3))]
             scratch = relative_pose_from_scratch(rays[:, :2], current, sigma)
             if scratch is not None:
-                guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(self._T_cur_prev.t))))
-        return best
+                guesses.append(SE3(scratch.R, scratch.t * float(np.linalg.norm(last.t))))
+        assert best is not None
+        if int(best.inliers.sum()) < LEAST_CORNERS:  # too few to tell by themselves
+            return best
+        return straightened(
+            best,
+            rays[:, :2],
+            current,
+            corners.inverse_depth,
+            corners.variance,
+            sigma=sigma,
+            calibration_error=self.settings.calibration_error,
+        )
 
     def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
         """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
         corners = self._corners
         self._fits_anchor = np.ones(len(rays), dtype=bool)
         R, parallax = rotation_between(rays[:, :2], current, sigma)
-        _, since_anchor = rotation_between(self._anchor, current, sigma)
-        inverse_depth, variance = corners.inverse_depth, corners.variance
+        # Two images: those corners that were first seen in the same one, most of them in the first.
+        together = corners.age == np.bincount(corners.age).argmax()
+        anchor = self._anchor[together]
+        _, since_anchor = rotation_between(anchor, current[together], sigma)
+        found: tuple[RelativePose, RelativePose | None] | None = None
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
-            pose = self._motion_since_anchor(current, sigma, float(np.median(since_anchor)))
-            if pose is not None and not (
-                _tells_which_way(pose) and self._knows_direction(current, pose, sigma)
-            ):
-                self._fits_anchor = pose.chi2 < 16.0
-            elif pose is not None:
-                # Depths in the current frame, as `advance` will expect them in the previous one under (R, 0).
-                z_ratio = (
-                    self._anchor_rays() @ pose.T_cur_prev.R[2] + pose.inverse_depth * pose.T_cur_prev.t[2]
-                )
-                z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
-                turned = rays @ R[2]
-                inverse_depth = np.nan_to_num(pose.inverse_depth / z_ratio * turned, nan=-1.0)
-                variance = pose.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2
-                self._has_scale = True
+            found = self._motion_since_anchor(
+                anchor, current[together], sigma, float(np.median(since_anchor)), together
+            )
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
         hidden = hidden_rotation(rays[:, :2]) * float(np.median(parallax))
         mistaken = hidden**2 + sigma * sigma / len(rays)
         residual = current - _project(rays @ R.T)
-        return RelativePose(
-            T_cur_prev=SE3(R, np.zeros(3)),
-            covariance=np.diag([_UNOBSERVED] * 3 + [mistaken] * 3),
-            inverse_depth=inverse_depth,
-            inverse_depth_variance=variance,
-            chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
-            across2=np.full(len(rays), np.inf),
-        )
 
-    def _knows_direction(self, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
-        """Whether the direction since the anchor is known well enough to make a map by: its error is in every depth."""
+        def turned(inverse_depth: FloatArray, variance: FloatArray) -> RelativePose:
+            return RelativePose(
+                T_cur_prev=SE3(R, np.zeros(3)),
+                covariance=np.diag([_UNOBSERVED] * 3 + [mistaken] * 3),
+                inverse_depth=inverse_depth,
+                inverse_depth_variance=variance,
+                chi2=np.where(inverse_depth < 0.0, np.inf, 0.5 * (residual**2).sum(axis=1) / spread),
+                across2=np.full(len(rays), np.inf),
+            )
+
+        def with_depths(since_anchor: RelativePose) -> RelativePose:
+            near, variance = _depths_after(since_anchor, anchor, rays[together], R)
+            typical = float(np.median(np.maximum(near, 0.0)))
+            inverse_depth = np.full(len(rays), typical)
+            unknown = np.full(len(rays), (_UNKNOWN_DEPTH * typical) ** 2 + 1e-18)
+            inverse_depth[together], unknown[together] = near, variance
+            return turned(inverse_depth, unknown)
+
+        if found is None:
+            return turned(corners.inverse_depth, corners.variance)
+        self._has_scale = True
+        pose, other = found
+        if other is not None:
+            self._other = OtherMotion(deepcopy(corners), with_depths(other), evidence_between(pose, other))
+        return with_depths(pose)
+
+    def _makes_a_map(self, anchor: FloatArray, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
+        """Whether enough corners agree, on which way too, and know the direction well: its error is in every depth."""
+        if int(pose.inliers.sum()) < LEAST_CORNERS or not _tells_which_way(pose):
+            return False
         t = pose.T_cur_prev.t
-        C = (
-            PoseCovariance(1).update(self._anchor, current, pose, sigma)[:3, :3]
-            / _sureness(_agreement(pose)) ** 2
-        )
+        C = PoseCovariance(1).update(anchor, current, pose, sigma)[:3, :3] / _sureness(_agreement(pose)) ** 2
         across = float(np.trace(C)) - float(t @ C @ t) / float(t @ t)
         return across < _KNOWN_RAD**2 * float(t @ t)
 
-    def _anchor_rays(self) -> FloatArray:
-        return np.column_stack([self._anchor, np.ones(len(self._anchor))])
-
-    def _motion_since_anchor(self, current: FloatArray, sigma: float, parallax: float) -> RelativePose | None:
-        scratch = relative_pose_from_scratch(self._anchor, current, sigma)
+    def _motion_since_anchor(
+        self,
+        anchor: FloatArray,
+        current: FloatArray,
+        sigma: float,
+        parallax: float,
+        together: npt.NDArray[np.bool_],
+    ) -> tuple[RelativePose, RelativePose | None] | None:
+        """The motion that fits best, and the other one that a plane allows where these two images do not refute it."""
+        scratch = relative_pose_from_scratch(anchor, current, sigma)
         if scratch is None:
             return None
         typical = np.full(len(current), max(parallax / self._unit, 1e-9))
-        pose = estimate_relative_pose(
-            self._anchor, current, typical, (10.0 * typical) ** 2, SE3(scratch.R, scratch.t * self._unit),
-            sigma=sigma, fix_length=True,
-        )  # fmt: skip
-        return pose
+
+        def polished(start: SE3) -> RelativePose:
+            return estimate_relative_pose(
+                anchor, current, typical, (_UNKNOWN_DEPTH * typical) ** 2, start, sigma=sigma, fix_length=True
+            )
+
+        pose = polished(SE3(scratch.R, scratch.t * self._unit))
+        found = [pose, *(polished(start) for start in motions_of_plane(anchor, pose))]
+        found.sort(key=robust_cost)
+        pose = found[0]
+        if not self._makes_a_map(anchor, current, pose, sigma):
+            self._fits_anchor[together] = pose.chi2 < _WILD_CHI2
+            return None
+        others = (other for other in found[1:] if is_another(pose, other) and not is_refuted(pose, other))
+        return pose, next(others, None)
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
@@ -310,7 +384,11 @@ class VisualOdometry:
             bias = self.settings.tracking_bias_px / self._focal_px * depth
             covariance[:3, :3] += bias**2 * np.eye(3)
             covariance = _stretched(covariance, pose, sureness)
+            if self._other is not None:
+                covariance += self._other.doubt(pose)
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
+        if had_scale and self._other is not None:
+            reason = "two motions explain the images: all corners lie in one plane; only rotation is checked"
         agreeing = int(inliers.sum())
         if agreeing < _MAJORITY * (len(found) - int(pose.neutral.sum())):
             reason = (
@@ -367,7 +445,8 @@ class VisualOdometry:
             farthest = (
                 self._sigma_px / self._focal_px / max(float(np.linalg.norm(self._T_cur_prev.t)), self._unit)
             )
-            corners.add(fresh, max(corners.typical_inverse_depth(), farthest))
+            for followed in (corners, *(() if self._other is None else (self._other.corners,))):
+                followed.add(fresh, max(followed.typical_inverse_depth(), farthest))
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
@@ -427,6 +506,20 @@ def _stretched(covariance: FloatArray, pose: RelativePose, sureness: float) -> F
 def _sureness(agreeing: float) -> float:
     """The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4)."""
     return max(2.0 * agreeing - 1.0, 0.05)
+
+
+def _depths_after(
+    since_anchor: RelativePose, anchor: FloatArray, rays: FloatArray, R: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Inverse depths and variances now, as `advance` will expect them in the previous frame under (R, 0)."""
+    T = since_anchor.T_cur_prev
+    z_ratio = anchor @ T.R[2, :2] + T.R[2, 2] + since_anchor.inverse_depth * T.t[2]
+    z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
+    turned = rays @ R[2]
+    return (
+        np.nan_to_num(since_anchor.inverse_depth / z_ratio * turned, nan=-1.0),
+        since_anchor.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2,
+    )
 
 
 def _project(points: FloatArray) -> FloatArray:
