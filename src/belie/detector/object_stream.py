@@ -171,9 +171,11 @@ class ObjectStream:
 
     def worst(self, check: str, tracks: Sequence[ObjectTrack]) -> tuple[ObjectTrack | None, float]:
         """Of some objects the one that is closest to an accusation, and its threshold."""
-        pairs = [(track, self.threshold(check, track)) for track in tracks]
-        only = (None, self.threshold(check, None))
-        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1], default=only)
+        suspected = [track for track in tracks if _statistic(track, check) > 0.0] or tracks[:1]
+        pairs = [(track, self.threshold(check, track)) for track in suspected]
+        if not pairs:
+            return None, self.threshold(check, None)
+        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1])
 
     def largest(self) -> ObjectTrack | None:
         """The object that is accused the soonest."""

@@ -12,8 +12,8 @@ from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomT
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
-from belie.odometry.local_features import ImageStack, local_corners, window_of
-from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
+from belie.odometry.local_features import ImageStack, View, local_corners, window_of
+from belie.odometry.local_motion import LocalMotion, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
 
 _HISTORY = 16  # frames that a late message may refer to
@@ -113,7 +113,7 @@ class ObjectTrack:
         self.box_px = motion.box_px if is_led else motion.predicted_box_px
         self.corners_px = motion.found_px
         self._keep(motion.agreeing, self.ages)
-        self.contrast = motion.contrast
+        self.contrast = motion.view.contrast
         self.history.append((stamp_ns, self.box_px))
 
     def _keep(self, which: npt.NDArray[np.bool_], ages: npt.NDArray[np.int64]) -> None:
@@ -226,9 +226,8 @@ class ObjectTrack:
         if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
-            window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
-            fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
+            fresh = local_corners(self.view, inner, missing, self.corners_px, current.noise)
             fresh = fresh[~inside(fresh, self.covers)]
             self.searched = len(self.corners_px) + len(fresh), frame + (1 if len(fresh) else _RESTS)
             self.corners_px = np.concatenate([self.corners_px, fresh])
@@ -238,7 +237,7 @@ class ObjectTrack:
             self.born_px = np.concatenate([self.born_px, fresh])
             self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
-                self.contrast = contrast_of(picture)
+                self.contrast = self.view.contrast
 
     def absence(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool = True) -> str:
         """Why its absence from a message may be fair; empty where its pixels say that it is there.

@@ -136,7 +136,7 @@ def _correlate(
 
 
 @compiled(reassociate=True)
-def _track_level(
+def track_level(
     previous: Any, current: Any, start: Any, found: Any, alive: Any, correlation: Any,
     scale: float, iterations: int, min_eigenvalue: float, last: bool,
 ) -> None:  # fmt: skip
@@ -291,7 +291,7 @@ def track(
 
     def follow(part: slice) -> None:
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
-            _track_level(
+            track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
                 0.5**level, settings.iterations, least, level == 0,
             )  # fmt: skip
