@@ -67,6 +67,7 @@ class ObjectStream:
         for track in self.tracks:
             track.follow(previous, current, stamp_ns, self.tracking)
         self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
+        self._share_out()
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
@@ -109,7 +110,7 @@ class ObjectStream:
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
         )  # fmt: skip
-        self.sides_px = sum(self._side(track) for track in self.tracks)
+        self._share_out()
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
@@ -131,6 +132,11 @@ class ObjectStream:
                 track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
+        self._share_out()
+
+    def _share_out(self) -> None:
+        """Give every object its share of the false alarms."""
+        self.sides_px = sum(self._side(track) for track in self.tracks)
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
