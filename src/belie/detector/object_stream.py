@@ -115,12 +115,14 @@ class ObjectStream:
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
         covering = Covering.of(then[lost], lost_stand, boxes, stand)
+        self._look_through(covering, boxes, dict(enumerate(lost)), then)
         hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
         for k, i in enumerate(lost):
             share = float(covering.share[k])
             self._absent(self.tracks[i], claim.stamp_ns, boxes[hiders[k]], share, current)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
+        self._look_through(covering, boxes, {j: i for i, j in found.items()}, then)
         hiders = covering.which & stand
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
@@ -137,6 +139,16 @@ class ObjectStream:
     def _share_out(self) -> None:
         """Give every object its share of the false alarms."""
         self.sides_px = sum(self._side(track) for track in self.tracks)
+
+    def _look_through(
+        self, covering: Covering, boxes: FloatArray, tracks: dict[int, int], then: FloatArray
+    ) -> None:
+        """Believe no box that it hides an object whose corners stay; `tracks`: by row of the covering."""
+        crowded = covering.shares.sum(axis=1) > self.settings.most_covered
+        for k in np.flatnonzero(crowded).tolist():
+            if k in tracks:
+                i, others = tracks[k], np.flatnonzero(covering.which[k])
+                covering.besides(k, others[self.tracks[i].shows_through(boxes[others], then[i])])
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
