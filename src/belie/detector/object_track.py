@@ -74,10 +74,8 @@ class ObjectTrack:
         default_factory=lambda: np.empty((0, 4))
     )  # that may hide it, at the last message
     cover: CoverHabit = field(default_factory=CoverHabit)
-    open_places: FloatArray = field(
-        default_factory=lambda: np.empty((0, 2))
-    )  # of the proven corners, when it was last told of with none of them in a box that may cover it
-    open_born: int = -1  # frame count when the youngest of them was found
+    # Corners, box, ages and births when it was last told of with no corner in a box that may cover it.
+    open_then: tuple[FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
@@ -149,12 +147,13 @@ class ObjectTrack:
         Corners that were its own before anything covered it, and keep their places in it, are no other's: who comes
         before it takes them away. So a box that nothing stands in hides nobody.
         """
-        own = (self.ages >= _PROVEN) & (self.births <= self.open_born)
-        return np.asarray(
-            shown_through(
-                boxes, own_px, self.open_places, self._places_of(self.corners_px)[own], self.places[own]
-            )
-        )
+        if self.open_then is None:
+            return np.zeros(len(boxes), dtype=bool)
+        corners_px, box_px, ages, births = self.open_then
+        then = places_in(box_px, corners_px)[ages >= _PROVEN]
+        own = (self.ages >= _PROVEN) & (self.births <= births[ages >= _PROVEN].max(initial=-1))
+        now = self._places_of(self.corners_px)[own]
+        return np.asarray(shown_through(boxes, own_px, then, now, self.places[own]))
 
     @property
     def group(self) -> str:
@@ -220,9 +219,7 @@ class ObjectTrack:
         covered = inside(self.corners_px, covers)
         self.ages[covered] = 0
         if not covered.any():
-            proven = self.ages >= _PROVEN
-            self.open_places = self._places_of(self.corners_px)[proven]
-            self.open_born = int(self.births[proven].max(initial=-1))
+            self.open_then = self.corners_px, self.box_px, self.ages, self.births
         self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
