@@ -74,6 +74,50 @@ def test_a_frame_that_was_looked_at_must_be_judged():
         detector.update(frame(2), [])
 
 
+def claims_that_fail():
+    yield from ()
+    raise OSError("the disk is gone")
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_a_frame_whose_claims_fail_can_be_judged_again(looks):
+    recording = open_recording(DEMO)
+    plain, failing = (Detector(recording.cameras) for _ in range(2))
+    for k, step in enumerate(recording.steps()):
+        if k == 12:
+            break
+        if k in (5, 8):
+            if looks:
+                failing.look(step.frame)
+            with pytest.raises(OSError, match="disk"):
+                failing.update(step.frame, claims_that_fail())
+            if looks:
+                failing.look(step.frame)
+        a, b = plain.update(step.frame, step.claims), failing.update(step.frame, step.claims)
+        assert replace(a, latency_ms=0.0) == replace(b, latency_ms=0.0)
+
+
+def test_after_a_frame_whose_claims_fail_the_next_one_is_looked_at():
+    recording = open_recording(DEMO)
+    detector, stamps = Detector(recording.cameras), []
+    for k, step in enumerate(recording.steps()):
+        if k == 8:
+            break
+        stamps.append(step.frame.stamp_ns)
+        if k == 5:
+            detector.look(step.frame)
+            with pytest.raises(OSError, match="disk"):
+                detector.update(step.frame, claims_that_fail())
+            continue
+        detector.update(step.frame, step.claims)
+        if k:
+            assert detector.estimate is not None
+            assert (detector.estimate.previous_stamp_ns, detector.estimate.stamp_ns) == (
+                stamps[-2],
+                stamps[-1],
+            )
+
+
 def test_misuse_is_refused():
     detector = Detector(CAMERAS)
     detector.update(frame(1), [])

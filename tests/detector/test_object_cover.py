@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from belie.detector import Config
 from belie.detector.alerts import AlertBook
@@ -167,3 +168,32 @@ def test_the_box_of_a_covered_object_does_not_grow():
     assert alerts == []
     seen, covered = views[14]["7"].box_px, views[23]["7"].box_px
     assert covered[2] - covered[0] < 1.2 * (seen[2] - seen[0])
+
+
+GHOST = stand(0, 0, WIDTH, HEIGHT)  # a box over everything, and nothing is there
+
+
+@pytest.mark.parametrize("label", ["truck", "balloon"])
+@pytest.mark.parametrize("ghost_from", [10, 20, 24])
+def test_a_box_over_the_whole_image_hides_nobody_whose_corners_stay(ghost_from, label):
+    """It comes before, with or after the gap of what it is to excuse."""
+    car = Thing("7", texture(1, 60, 40), lambda k: np.array([200.0, 140, 260, 180]) + 0.5 * k, before(20))
+    ghost = Thing("g", np.zeros((2, 2)), GHOST, lambda k: k >= ghost_from, label)
+    ghost.paste = lambda image, k: None
+    alerts, _, _ = watch([car, ghost], 40)
+    assert [name for _, kind, name in alerts if kind == "obstacle_hiding"] == ["7"]
+    assert alerts[0][0] - 20 < 9
+
+
+def test_who_drives_up_and_covers_all_of_it_hides_an_object():
+    """The same box again, but this time it takes the corners away."""
+    far = Thing("far", texture(1, 60, 40), stand(200, 140, 260, 180), before(20))
+
+    def drives(k):
+        return np.array([150.0, 110.0, 330.0, 230.0]) + np.array([1.0, 0.0, 1.0, 0.0]) * max(
+            0.0, 60.0 * (20 - k)
+        )
+
+    alerts, results, _ = watch([far, Thing("near", texture(2, 180, 120), drives)], 50)
+    assert alerts == []
+    assert "far is missing" in results[22]["hiding"].reason

@@ -60,7 +60,7 @@ class DefaultProfile:
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
         self._last_ns: int | None = None
-        self._looked_at: tuple[bool, VisualEstimate | None] | None = None
+        self._looked_at: tuple[Frame, bool, VisualEstimate | None] | None = None
         self.estimate: VisualEstimate | None = None
         self.T_odom_cam_claimed: SE3 | None = None
 
@@ -87,8 +87,10 @@ class DefaultProfile:
 
     def look(self, frame: Frame) -> None:
         """Do what needs no claim: tell whether the image is usable, and how the camera has moved."""
+        if self._looked_at is not None and self._looked_at[0] is frame:
+            return
         unusable = self._camera_check.look(frame)
-        self._looked_at = unusable, None if unusable else self._odometry.update(frame)
+        self._looked_at = frame, unusable, None if unusable else self._odometry.update(frame)
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge every stream at this frame."""
@@ -96,11 +98,12 @@ class DefaultProfile:
         self._streams.take(claims, frame.stamp_ns)
         self._objects.take(claims, frame.stamp_ns)
         self._open_checks()
-        if self._looked_at is None:
-            self.look(frame)
+        self.look(
+            frame
+        )  # kept until the frame is judged: if this raises, it may be asked for again, or the next one
         assert self._looked_at is not None
-        unusable, self.estimate = self._looked_at
-        self._looked_at, estimate = None, self.estimate
+        _, unusable, self.estimate = self._looked_at
+        estimate = self.estimate
         start_ns = self._last_ns if estimate is None else estimate.previous_stamp_ns
         motions = self._streams.motions(start_ns, frame.stamp_ns, self._camera.T_body_cam)
         seen = self._look_at_camera(frame, estimate, motions, start_ns)
@@ -126,7 +129,7 @@ class DefaultProfile:
             doubted=self._why_objects_wait(unusable, seen),
             half=None if estimate is None else self._odometry.half(),
         )
-        self._last_ns = frame.stamp_ns
+        self._last_ns, self._looked_at = frame.stamp_ns, None
         pose = self._streams.odometry_pose(frame.stamp_ns)
         self.T_odom_cam_claimed = None if pose is None else pose @ self._camera.T_body_cam
         return corroborated(judgements)

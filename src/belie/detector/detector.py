@@ -134,6 +134,8 @@ class Detector:
     def update(self, frame: Frame, claims: Iterable[Claim]) -> Verdict:
         """Judge every claim at one frame.
 
+        Where this raises (an iterator of claims may, too), the frame can be judged again, or left for a later one.
+
         Parameters
         ----------
         frame : Frame

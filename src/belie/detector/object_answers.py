@@ -120,11 +120,8 @@ def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
     """Shortest run that would be accused, of the largest object."""
     if not stream.interval_s:
         return None
-    threshold = stream.threshold(check, stream.largest())
-    test = ErrorTest(habit)
-    while not test.wrong(stream.interval_s, threshold, 0) and test.errors < 1000:
-        pass
-    return f"{test.errors * stream.interval_s:.1f} s"
+    messages = habit.shortest_run(stream.interval_s, stream.threshold(check, stream.largest()))
+    return f"{messages * stream.interval_s:.1f} s"
 
 
 def _where(box: FloatArray) -> str:

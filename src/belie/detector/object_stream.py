@@ -67,6 +67,7 @@ class ObjectStream:
         for track in self.tracks:
             track.follow(previous, current, stamp_ns, self.tracking)
         self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
+        self._share_out()
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
@@ -109,17 +110,19 @@ class ObjectStream:
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
         )  # fmt: skip
-        self.sides_px = sum(self._side(track) for track in self.tracks)
+        self._share_out()
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
         covering = Covering.of(then[lost], lost_stand, boxes, stand)
+        self._look_through(covering, boxes, dict(enumerate(lost)), then)
         hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
         for k, i in enumerate(lost):
             share = float(covering.share[k])
             self._absent(self.tracks[i], claim.stamp_ns, boxes[hiders[k]], share, current)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
+        self._look_through(covering, boxes, {j: i for i, j in found.items()}, then)
         hiders = covering.which & stand
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
@@ -131,6 +134,21 @@ class ObjectStream:
                 track.cover.tell(track.hidden_then)
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
+        self._share_out()
+
+    def _share_out(self) -> None:
+        """Give every object its share of the false alarms."""
+        self.sides_px = sum(self._side(track) for track in self.tracks)
+
+    def _look_through(
+        self, covering: Covering, boxes: FloatArray, tracks: dict[int, int], then: FloatArray
+    ) -> None:
+        """Believe no box that it hides an object whose corners stay; `tracks`: by row of the covering."""
+        crowded = covering.shares.sum(axis=1) > self.settings.most_covered
+        for k in np.flatnonzero(crowded).tolist():
+            if k in tracks:
+                i, others = tracks[k], np.flatnonzero(covering.which[k])
+                covering.besides(k, others[self.tracks[i].shows_through(boxes[others], then[i])])
 
     def habits(self) -> dict[str, float]:
         """How often this detector was seen to err, for how long, and in how many messages about objects."""
@@ -171,9 +189,11 @@ class ObjectStream:
 
     def worst(self, check: str, tracks: Sequence[ObjectTrack]) -> tuple[ObjectTrack | None, float]:
         """Of some objects the one that is closest to an accusation, and its threshold."""
-        pairs = [(track, self.threshold(check, track)) for track in tracks]
-        only = (None, self.threshold(check, None))
-        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1], default=only)
+        suspected = [track for track in tracks if _statistic(track, check) > 0.0] or tracks[:1]
+        pairs = [(track, self.threshold(check, track)) for track in suspected]
+        if not pairs:
+            return None, self.threshold(check, None)
+        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1])
 
     def largest(self) -> ObjectTrack | None:
         """The object that is accused the soonest."""

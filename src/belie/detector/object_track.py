@@ -9,18 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
+from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
-from belie.odometry.local_features import ImageStack, local_corners, window_of
-from belie.odometry.local_motion import LocalMotion, View, contrast_of, follow_object, moved_box
+from belie.odometry.local_features import ImageStack, View, local_corners, window_of
+from belie.odometry.local_motion import LocalMotion, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
 
 _HISTORY = 16  # frames that a late message may refer to
-_RIDES = 0.2  # of the box's side: how far a corner of the object may drift within its box
 _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain by a few per cent
 _PROVEN = 2  # detections
-_LEAST_CORNERS = 4
 _SPREAD = 0.9
 _LOST = 2  # corners
 _RESTS = 4  # frames
@@ -75,6 +74,8 @@ class ObjectTrack:
         default_factory=lambda: np.empty((0, 4))
     )  # that may hide it, at the last message
     cover: CoverHabit = field(default_factory=CoverHabit)
+    # Corners, box, ages and births when it was last told of with no corner in a box that may cover it.
+    open_then: tuple[FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
@@ -113,7 +114,7 @@ class ObjectTrack:
         self.box_px = motion.box_px if is_led else motion.predicted_box_px
         self.corners_px = motion.found_px
         self._keep(motion.agreeing, self.ages)
-        self.contrast = motion.contrast
+        self.contrast = motion.view.contrast
         self.history.append((stamp_ns, self.box_px))
 
     def _keep(self, which: npt.NDArray[np.bool_], ages: npt.NDArray[np.int64]) -> None:
@@ -135,10 +136,24 @@ class ObjectTrack:
     def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
         """Share of its proven corners in a box that was told when its own was `own_px`; 1 if there are too few."""
         places = self.places[self.ages >= _PROVEN]
-        if len(places) < _LEAST_CORNERS or self.motion is None or self.motion.error_px2 is None:
+        if len(places) < LEAST_CORNERS or self.motion is None or self.motion.error_px2 is None:
             return 1.0
         px = own_px[:2] - 0.5 + places * (own_px[2:] - own_px[:2])
         return float((np.abs(places_in(box_px, px) - 0.5) < 0.5 + _EDGE).all(axis=1).mean())
+
+    def shows_through(self, boxes: FloatArray, own_px: FloatArray) -> npt.NDArray[np.bool_]:
+        """Of boxes of others (M, 4), told when its own was `own_px`: whether it shows through, where they overlap.
+
+        Corners that were its own before anything covered it, and keep their places in it, are no other's: who comes
+        before it takes them away. So a box that nothing stands in hides nobody.
+        """
+        if self.open_then is None:
+            return np.zeros(len(boxes), dtype=bool)
+        corners_px, box_px, ages, births = self.open_then
+        then = places_in(box_px, corners_px)[ages >= _PROVEN]
+        own = (self.ages >= _PROVEN) & (self.births <= births[ages >= _PROVEN].max(initial=-1))
+        now = self._places_of(self.corners_px)[own]
+        return np.asarray(shown_through(boxes, own_px, then, now, self.places[own]))
 
     @property
     def group(self) -> str:
@@ -157,7 +172,7 @@ class ObjectTrack:
     @property
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
-        return self.corners_then < 2 * _LEAST_CORNERS
+        return self.corners_then < 2 * LEAST_CORNERS
 
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
@@ -197,11 +212,14 @@ class ObjectTrack:
         `covers`: boxes (N, 4) of others that may cover it; corners in them are those of the nearer object.
         """
         places = self._places_of(self.corners_px)
-        rides = (np.abs(places - self.places) < _RIDES).all(axis=1)
+        rides = (np.abs(places - self.places) < DRIFTS).all(axis=1)
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
         self.covers = covers
         self._search(current, settings, frame)
-        self.ages[inside(self.corners_px, covers)] = 0
+        covered = inside(self.corners_px, covers)
+        self.ages[covered] = 0
+        if not covered.any():
+            self.open_then = self.corners_px, self.box_px, self.ages, self.births
         self.told_before = None if self.told_px is None else (frame, self.told_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
@@ -215,7 +233,7 @@ class ObjectTrack:
         where `cover`, the share of its box that others may hide, is large, or was: most of its box shows other things.
         """
         self.covers = covers
-        if self.proven >= _LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
+        if self.proven >= LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
@@ -226,9 +244,8 @@ class ObjectTrack:
         if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
-            window, picture = self.view.window, self.view.pyramid[0]
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
-            fresh = local_corners(picture, window, inner, missing, self.corners_px, current.noise)
+            fresh = local_corners(self.view, inner, missing, self.corners_px, current.noise)
             fresh = fresh[~inside(fresh, self.covers)]
             self.searched = len(self.corners_px) + len(fresh), frame + (1 if len(fresh) else _RESTS)
             self.corners_px = np.concatenate([self.corners_px, fresh])
@@ -238,7 +255,7 @@ class ObjectTrack:
             self.born_px = np.concatenate([self.born_px, fresh])
             self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
             if self.contrast == 0.0:
-                self.contrast = contrast_of(picture)
+                self.contrast = self.view.contrast
 
     def absence(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool = True) -> str:
         """Why its absence from a message may be fair; empty where its pixels say that it is there.
@@ -252,11 +269,11 @@ class ObjectTrack:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
-        if self.corners_then < _LEAST_CORNERS:
+        if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
         there = proven / self.corners_then
-        if there < settings.least_present or proven < _LEAST_CORNERS:
+        if there < settings.least_present or proven < LEAST_CORNERS:
             if self.is_soft:  # some are lost in every image: that tells nothing
                 return f"too few corners on it: {proven} of {self.corners_then} are found again"
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from belie.geometry import compiled
 from belie.types import GrayImage
 
 _DARK_GRAY = 12.0  # mean gray value; below it a scene's shades drown in two gray levels of sensor noise
@@ -47,15 +48,30 @@ def sensor_noise(image: GrayImage) -> float:
     True
     """
     stride = max(_SAMPLE_STRIDE, round(math.sqrt(image.size / _SAMPLES)))
+    return max(_median_laplacian(image, stride) / (6.0 * 0.6745), _LEAST_NOISE)
+
+
+@compiled()
+def _median_laplacian(image: Any, stride: int) -> float:
+    """Lower median of the absolute Laplacian at every `stride`-th pixel, by counting; 0 without any."""
     height, width = image.shape
-
-    def beside(dy: int, dx: int) -> npt.NDArray[np.int32]:
-        return image[1 + dy : height - 1 + dy : stride, 1 + dx : width - 1 + dx : stride].astype(np.int32)
-
-    edges = beside(-1, 0) + beside(1, 0) + beside(0, -1) + beside(0, 1)
-    corners = beside(-1, -1) + beside(-1, 1) + beside(1, -1) + beside(1, 1)
-    laplacian = np.abs(4 * beside(0, 0) - 2 * edges + corners).ravel()
-    if not len(laplacian):
-        return _LEAST_NOISE
-    middle = (len(laplacian) - 1) // 2
-    return max(float(np.partition(laplacian, middle)[middle]) / (6.0 * 0.6745), _LEAST_NOISE)
+    counts = np.zeros(16 * 255 + 1, np.int64)
+    samples = 0
+    for y in range(1, height - 1, stride):
+        for x in range(1, width - 1, stride):
+            edges = np.int64(image[y - 1, x]) + image[y + 1, x] + image[y, x - 1] + image[y, x + 1]
+            corners = (
+                np.int64(image[y - 1, x - 1])
+                + image[y - 1, x + 1]
+                + image[y + 1, x - 1]
+                + image[y + 1, x + 1]
+            )
+            counts[abs(4 * np.int64(image[y, x]) - 2 * edges + corners)] += 1
+            samples += 1
+    middle = (samples + 1) // 2
+    seen = 0
+    for value in range(counts.shape[0]):
+        seen += counts[value]
+        if seen >= middle:
+            return float(value)
+    return 0.0

@@ -22,6 +22,9 @@ from belie.types import GrayImage, read_only
 
 SIDE_PX = 64.0  # of an object in its window (root of the area)
 _MARGIN_PX = 26.0  # around it: half a patch, and how far a corner may stray from its prediction
+_OFF_PX = 8.0  # window pixels that an object may be off the middle of its window
+_BORDER = 0.2  # of a window's shorter side: its margin
+_LEAST_PX = 24  # of a picture that corners are looked for in
 _MOST_ENLARGED = 2.0  # beyond, there is nothing but interpolation
 _LONGEST_PX = 150.0
 _FAST_THRESHOLDS = (7.0, 3.5)  # times the noise; the second where the first finds too few
@@ -61,37 +64,91 @@ class ImageStack:
         while len(self._levels) <= k:
             last = self._levels[-1]
             size = (max(1, last.shape[1] // 2), max(1, last.shape[0] // 2))
-            self._levels.append(
-                np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-            )
+            half = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+            self._levels.append(read_only(half))
         return self._levels[k]
 
 
 @compiled(reassociate=True)
 def _resampled(picture: Any, left: float, top: float, dx: float, dy: float, height: int, width: int) -> Any:
     """Pixels (top + i dy, left + j dx) of a picture, between its own by linear interpolation; its border goes on."""
-    columns = np.empty(width, np.int64)
+    columns = np.empty(
+        width, np.uint32
+    )  # unsigned: an index that may be negative keeps the loop from vector code
     weights = np.empty(width, np.int32)
-    last = picture.shape[1] - 1
+    last_x, last_y = picture.shape[1] - 1, picture.shape[0] - 1
     for j in range(width):
-        x = min(max(left + j * dx, 0.0), float(last))
-        columns[j] = min(int(x), last - 1)
-        weights[j] = int((x - columns[j]) * 256.0 + 0.5)
-    x0, x1 = columns[0], columns[width - 1] + 2
-    columns -= x0
-    row = np.empty(x1 - x0, np.int32)
+        x = min(max(left + j * dx, 0.0), float(last_x))
+        k = max(min(int(x), last_x - 1), 0)
+        columns[j] = k
+        weights[j] = int((x - k) * 256.0 + 0.5)
+    x0, x1 = int(columns[0]), int(columns[width - 1]) + 1
+    for j in range(width):
+        columns[j] -= np.uint32(x0)
+    row = np.empty(x1 + 1 - x0, np.int32)
+    seen = min(x1, last_x) + 1 - x0  # all of them, but in a picture one pixel wide
     out = np.empty((height, width), np.uint8)
     for i in range(height):
-        y = min(max(top + i * dy, 0.0), float(picture.shape[0] - 1))
-        y0 = min(int(y), picture.shape[0] - 2)
+        y = min(max(top + i * dy, 0.0), float(last_y))
+        y0 = max(min(int(y), last_y - 1), 0)
         v = np.int32(int((y - y0) * 256.0 + 0.5))
-        above, below = picture[y0, x0:x1], picture[y0 + 1, x0:x1]
-        for k in range(x1 - x0):  # vector code; the loop below has to gather
-            row[k] = np.int32(above[k]) * (np.int32(256) - v) + np.int32(below[k]) * v
+        u = np.int32(256) - v
+        above, below = picture[y0, x0:], picture[min(y0 + 1, last_y), x0:]
+        for k in range(seen):  # vector code; the loop below has to gather
+            row[k] = np.int32(above[k]) * u + np.int32(below[k]) * v
+        if seen == 1:
+            row[1] = row[0]
+        line = out[i]
         for j in range(width):
-            k, w = columns[j], weights[j]
-            out[i, j] = (row[k] * (np.int32(256) - w) + row[k + 1] * w + np.int32(32768)) >> np.int32(16)
+            a, b = row[columns[j]], row[columns[j] + np.uint32(1)]
+            line[j] = (a * np.int32(256) + (b - a) * weights[j] + np.int32(32768)) >> np.int32(16)
     return out
+
+
+@compiled()
+def _halved(picture: Any) -> Any:
+    """As `cv2.pyrDown`, bit for bit: smoothed with (1, 4, 6, 4, 1) / 16 both ways, mirrored at the border."""
+    height, width = picture.shape
+    row = np.empty(width + 4, np.int32)
+    out = np.empty(((height + 1) // 2, (width + 1) // 2), np.uint8)
+    for i in range(out.shape[0]):
+        y = 2 * i
+        a, b, c = picture[abs(y - 2)], picture[abs(y - 1)], picture[y]
+        d, e = picture[height - 1 - abs(height - 2 - y)], picture[height - 1 - abs(height - 3 - y)]
+        for k in range(width):
+            row[k + 2] = (
+                np.int32(a[k]) + np.int32(e[k])
+                + np.int32(4) * (np.int32(b[k]) + np.int32(d[k])) + np.int32(6) * np.int32(c[k])
+            )  # fmt: skip
+        row[0], row[1], row[width + 2], row[width + 3] = row[4], row[3], row[width], row[width - 1]
+        line = out[i]
+        for j in range(out.shape[1]):
+            k = 2 * j
+            line[j] = (
+                row[k] + row[k + 4] + np.int32(4) * (row[k + 1] + row[k + 3]) + np.int32(6) * row[k + 2] + np.int32(128)
+            ) >> np.int32(8)  # fmt: skip
+    return out
+
+
+@compiled()
+def _looked_at(
+    picture: Any, left: float, top: float, dx: float, dy: float, height: int, width: int
+) -> tuple[Any, Any, Any, float]:
+    """A window's picture, its half and its quarter (empty where a side would fall under 24 px), and its contrast."""
+    whole = _resampled(picture, left, top, dx, dy, height, width)
+    half = _halved(whole) if min(height, width) >= 2 * _LEAST_PX else np.empty((0, 0), np.uint8)
+    quarter = _halved(half) if min(half.shape) >= 2 * _LEAST_PX else np.empty((0, 0), np.uint8)
+    m = int(_BORDER * min(height, width))
+    total, squares = np.int64(0), np.int64(0)
+    for i in range(m, height - m):
+        line = whole[i]
+        for j in range(m, width - m):
+            value = np.int64(line[j])
+            total += value
+            squares += value * value
+    count = float((height - 2 * m) * (width - 2 * m))
+    mean = total / count
+    return whole, half, quarter, math.sqrt(max(squares / count - mean * mean, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +181,10 @@ class Window:
 
     def cut(self, stack: ImageStack) -> GrayImage:
         """The window's picture; beyond the image its border goes on."""
+        return read_only(_resampled(*self._grid(stack)))
+
+    def _grid(self, stack: ImageStack) -> tuple[GrayImage, float, float, float, float, int, int]:
+        """What it is cut from: the halved image that is just fine enough; where its pixels lie there; its shape."""
         k = 0
         while 0.5 ** (k + 1) >= self.scale and min(stack.level(k).shape) > 16:
             k += 1
@@ -133,7 +194,39 @@ class Window:
         height, width = self.shape
         left = ((0.5 - 0.5 * width) / self.scale + x) * a - 0.5
         top = ((0.5 - 0.5 * height) / self.scale + y) * b - 0.5
-        return read_only(_resampled(picture, left, top, a / self.scale, b / self.scale, height, width))
+        return picture, left, top, a / self.scale, b / self.scale, height, width
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one image shows of an object through its window.
+
+    `pictures`: the window's, and its half and quarter, empty where too small; `contrast`: standard deviation of the
+    object's gray values (of the window without its margin).
+    """
+
+    window: Window
+    pictures: tuple[GrayImage, GrayImage, GrayImage]
+    contrast: float
+
+    @classmethod
+    def of(cls, stack: ImageStack, window: Window) -> View:
+        """Look through a window.
+
+        >>> view = View.of(ImageStack(np.zeros((90, 90), np.uint8)), window_of(np.array([10.0, 10.0, 74.0, 74.0])))
+        >>> [picture.shape for picture in view.pictures], view.contrast
+        ([(116, 116), (58, 58), (29, 29)], 0.0)
+        """
+        whole, half, quarter, contrast = _looked_at(*window._grid(stack))
+        return cls(window, (whole, half, quarter), contrast)
+
+    def fits(self, box_px: FloatArray) -> bool:
+        """Whether a box still lies about where and as large as the window was made for."""
+        left, top, right, bottom = box_px.tolist()
+        x, y = self.window.centre_px.tolist()
+        scale = self.window.scale
+        off = max(abs(0.5 * (left + right) - x), abs(0.5 * (top + bottom) - y)) * scale
+        return off < _OFF_PX and 0.8 < _scale_of(right - left, bottom - top) / scale < 1.25
 
 
 def window_of(box_px: FloatArray) -> Window:
@@ -144,9 +237,14 @@ def window_of(box_px: FloatArray) -> Window:
     """
     left, top, right, bottom = box_px.tolist()
     w, h = max(right - left, 1.0), max(bottom - top, 1.0)
-    scale = min(SIDE_PX / math.sqrt(w * h), _MOST_ENLARGED, _LONGEST_PX / max(w, h))
+    scale = _scale_of(w, h)
     shape = (round(h * scale + 2 * _MARGIN_PX), round(w * scale + 2 * _MARGIN_PX))
     return Window(np.array([0.5 * (left + right), 0.5 * (top + bottom)]), scale, shape)
+
+
+def _scale_of(width_px: float, height_px: float) -> float:
+    w, h = max(width_px, 1.0), max(height_px, 1.0)
+    return min(SIDE_PX / math.sqrt(w * h), _MOST_ENLARGED, _LONGEST_PX / max(w, h))
 
 
 @cache
@@ -155,14 +253,12 @@ def _fast(threshold: int) -> cv2.FastFeatureDetector:
 
 
 def local_corners(
-    picture: GrayImage, window: Window, box_px: FloatArray, wanted: int, occupied_px: FloatArray, noise: float
+    view: View, box_px: FloatArray, wanted: int, occupied_px: FloatArray, noise: float
 ) -> FloatArray:
     """Corners inside a box, ``k^L`` of equation (7), image pixels, shape (N, 2).
 
     Parameters
     ----------
-    picture : array
-        From `Window.cut`.
     box_px : array (4,)
         The corners lie within.
     wanted : int
@@ -172,6 +268,7 @@ def local_corners(
     noise : float
         Of the image, gray: fog leaves little contrast, but little noise, too.
     """
+    window, picture = view.window, read_only(view.pictures[0])
     low = np.maximum(window.to_window(box_px[:2] - 0.5), 4.0)
     limit = np.array([picture.shape[1], picture.shape[0]]) - 5.0
     high = np.minimum(window.to_window(box_px[2:] - 0.5), limit)

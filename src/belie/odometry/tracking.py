@@ -23,6 +23,7 @@ from belie.types import GrayImage, Settings, read_only
 
 Pyramid = tuple[GrayImage, ...]
 _SIDE = 16  # of a patch, px; a constant and a power of two, so that the loops become vector code
+_WIDE = _SIDE + 2  # with a margin of one pixel, for the slopes
 _HALF = 0.5 * (_SIDE - 1)
 _WORTH_A_THREAD = 100  # corners; handing work over costs some 0.05 ms
 
@@ -64,7 +65,7 @@ def _sample(image: Any, x: float, y: float, out: Any) -> bool:
     y -= _HALF + 1.0
     x0 = int(np.floor(x))
     y0 = int(np.floor(y))
-    if x0 < 0 or y0 < 0 or x0 + _SIDE + 2 >= width or y0 + _SIDE + 2 >= height:
+    if x0 < 0 or y0 < 0 or x0 + _WIDE >= width or y0 + _WIDE >= height:
         return False
     ax = np.float32(x - x0)
     ay = np.float32(y - y0)
@@ -72,10 +73,10 @@ def _sample(image: Any, x: float, y: float, out: Any) -> bool:
     w01 = ax * (np.float32(1.0) - ay)
     w10 = (np.float32(1.0) - ax) * ay
     w11 = ax * ay
-    for j in range(_SIDE + 2):
-        row = image[y0 + j, x0 : x0 + _SIDE + 3]  # a slice: no wrap-around test for every index
-        below = image[y0 + j + 1, x0 : x0 + _SIDE + 3]
-        for i in range(_SIDE + 2):
+    for j in range(_WIDE):
+        row = image[y0 + j, x0 : x0 + _WIDE + 1]  # a slice: no wrap-around test for every index
+        below = image[y0 + j + 1, x0 : x0 + _WIDE + 1]
+        for i in range(_WIDE):
             out[j, i] = (
                 w00 * np.float32(row[i])
                 + w01 * np.float32(row[i + 1])
@@ -92,7 +93,8 @@ def _correlate(
     """Sums over the patch at (x, y) of: value, value², value·template, value·gx, value·gy.
 
     `offset` is subtracted from every value first: it keeps float32 sums exact. The second sum is negative
-    where the patch leaves the image. Template and slopes have zero mean, so the patch's mean drops out.
+    where the patch leaves the image. Template and slopes (with a margin that does not count) have zero mean, so the
+    patch's mean drops out.
     """
     height, width = image.shape
     zero = np.float32(0.0)
@@ -116,9 +118,7 @@ def _correlate(
     for j in range(_SIDE):
         row = image[y0 + j, x0 : x0 + _SIDE + 1]
         below = image[y0 + j + 1, x0 : x0 + _SIDE + 1]
-        template_row = template[j]
-        gx_row = gx[j]
-        gy_row = gy[j]
+        template_row, gx_row, gy_row = template[j + 1, 1:], gx[j + 1, 1:], gy[j + 1, 1:]
         for i in range(_SIDE):
             value = (
                 w00 * np.float32(row[i])
@@ -136,7 +136,7 @@ def _correlate(
 
 
 @compiled(reassociate=True)
-def _track_level(
+def track_level(
     previous: Any, current: Any, start: Any, found: Any, alive: Any, correlation: Any,
     scale: float, iterations: int, min_eigenvalue: float, harris: float, last: bool,
 ) -> None:  # fmt: skip
@@ -144,10 +144,16 @@ def _track_level(
     area = np.float32(_SIDE * _SIDE)
     zero = np.float32(0.0)
     half = np.float32(0.5)
-    wide = np.empty((_SIDE + 2, _SIDE + 2), np.float32)
-    template = np.empty((_SIDE, _SIDE), np.float32)
-    gx = np.empty((_SIDE, _SIDE), np.float32)
-    gy = np.empty((_SIDE, _SIDE), np.float32)
+    # Patch, template and slopes lie flat, margin and all: one long loop over each becomes vector code.
+    wide, template = np.empty(_WIDE * _WIDE, np.float32), np.zeros(_WIDE * _WIDE, np.float32)
+    gx, gy = np.zeros(_WIDE * _WIDE, np.float32), np.zeros(_WIDE * _WIDE, np.float32)
+    counts = np.zeros((_WIDE, _WIDE), np.float32)
+    counts[1:-1, 1:-1] = 1.0
+    inner = counts.ravel()
+    shape = (_WIDE, _WIDE)
+    patch, template_2d, gx_2d, gy_2d = (
+        wide.reshape(shape), template.reshape(shape), gx.reshape(shape), gy.reshape(shape),
+    )  # fmt: skip
     tolerance = 0.01 if last else 0.05  # px of this level; coarse levels only have to come near
     for k in range(start.shape[0]):
         if not alive[k]:
@@ -155,11 +161,11 @@ def _track_level(
         # cv2.pyrDown keeps pixel (0, 0) on pixel (0, 0): coordinates simply halve
         px = start[k, 0] * scale
         py = start[k, 1] * scale
-        if not _sample(previous, px, py, wide):
+        if not _sample(previous, px, py, patch):
             if last:
                 alive[k] = False
             continue
-        offset = wide[_SIDE // 2, _SIDE // 2]  # keeps the float32 sums exact
+        offset = patch[_SIDE // 2, _SIDE // 2]  # keeps the float32 sums exact
         mean = zero
         power = zero
         sx = zero
@@ -169,26 +175,23 @@ def _track_level(
         hyy = zero
         tx = zero
         ty = zero
-        for j in range(_SIDE):
-            above = wide[j]
-            row = wide[j + 1]
-            below = wide[j + 2]
-            for i in range(_SIDE):
-                value = row[i + 1] - offset
-                dx_image = half * (row[i + 2] - row[i])
-                dy_image = half * (below[i + 1] - above[i + 1])
-                template[j, i] = value
-                gx[j, i] = dx_image
-                gy[j, i] = dy_image
-                mean += value
-                power += value * value
-                sx += dx_image
-                sy += dy_image
-                hxx += dx_image * dx_image
-                hxy += dx_image * dy_image
-                hyy += dy_image * dy_image
-                tx += dx_image * value
-                ty += dy_image * value
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            template[i] = (wide[i] - offset) * inner[i]
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            gx[i] = half * (wide[i + 1] - wide[i - 1]) * inner[i]
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            gy[i] = half * (wide[i + _WIDE] - wide[i - _WIDE]) * inner[i]
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            value, dx_image, dy_image = template[i], gx[i], gy[i]
+            mean += value
+            power += value * value
+            sx += dx_image
+            sy += dy_image
+            hxx += dx_image * dx_image
+            hxy += dx_image * dy_image
+            hyy += dy_image * dy_image
+            tx += dx_image * value
+            ty += dy_image * value
         mean /= area
         sx /= area
         sy /= area
@@ -199,11 +202,12 @@ def _track_level(
         hyy -= area * sy * sy
         tx -= area * sx * mean
         ty -= area * sy * mean
-        for j in range(_SIDE):
-            for i in range(_SIDE):
-                template[j, i] -= mean
-                gx[j, i] -= sx
-                gy[j, i] -= sy
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            template[i] -= mean
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            gx[i] -= sx
+        for i in range(_WIDE, _WIDE * (_WIDE - 1)):
+            gy[i] -= sy
         mean += offset
         determinant = hxx * hyy - hxy * hxy
         trace = hxx + hyy
@@ -219,7 +223,7 @@ def _track_level(
         inside = False
         ncc: Any = zero
         for _ in range(iterations):
-            total, energy, cross, bx, by = _correlate(current, x, y, mean, template, gx, gy)
+            total, energy, cross, bx, by = _correlate(current, x, y, mean, template_2d, gx_2d, gy_2d)
             inside = energy >= 0.0
             if not inside:
                 break
@@ -293,7 +297,7 @@ def track(
 
     def follow(part: slice) -> None:
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
-            _track_level(
+            track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
                 0.5**level, settings.iterations, least, harris, level == 0,
             )  # fmt: skip

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from belie.evaluation.bench.cases import AttackCase, RunCase, recordings_of, runs_of
+from belie.evaluation.bench.cases import AttackCase, DriveCase, RunCase, recordings_of, runs_of
 from belie.evaluation.bench.suite import load_suite, parse_suite, shipped_suites
 from belie.types import ConfigError
 
@@ -76,6 +76,16 @@ def test_every_shipped_suite_is_well_formed(name, monkeypatch, tmp_path):
                 parse_attack(case.attack.spec)
     assert suite.title
     assert suite.description
+
+
+@pytest.mark.parametrize("name", shipped_suites())
+def test_no_patch_works_in_an_honest_drive(name, monkeypatch, tmp_path):
+    for folder in ("kitti00", "kitti06"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.setenv("BELIE_DATA", str(tmp_path))
+    for case in recordings_of(load_suite(name)):
+        if isinstance(case, DriveCase) and case.scenario.scene == "patch":
+            assert case.scenario.sensors.object_detector.patch == "none"
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ _ACQUITS = 0.5  # of the threshold: an accusation ends below; two messages witho
 # Share of messages in which a lie fails. As rare as the misses of the best detector: so an object that is told of
 # every other time is never accused. The sum still grows with a patch that fails in one message of ten.
 _LAPSE = _LEAST
+_LONGEST = 1000  # messages of a run that is asked for
 
 
 @dataclass(slots=True)
@@ -105,6 +106,19 @@ class Habit:
             hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
             itself = self._lasts(own, interval_s)
         return _bounded(1.0 - (1.0 - itself) * (1.0 - hard) * (1.0 - covered))
+
+    def shortest_run(self, interval_s: float, threshold: float) -> int:
+        """Messages in error in a row that accuse a large object of which nothing is known yet; at most 1000.
+
+        >>> Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10).shortest_run(0.1, 14.0)
+        5
+        """
+        own = Counts()
+        statistic, each = self.wrong(own, False, interval_s), self.wrong(own, True, interval_s)
+        messages = 1
+        while statistic < threshold and messages < _LONGEST:
+            statistic, messages = max(statistic + each, 0.0), messages + 1
+        return messages
 
     def share(self) -> float:
         """Share of the messages about objects that err, by the stream and what was expected of it."""

@@ -1,0 +1,36 @@
+"""Objects share the false alarms that all together may raise: what each is given adds up to what there is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from belie.detector import Config
+from belie.detector.object_stream import _RATE_SHARE
+from belie.detector.objects import ObjectStage
+from belie.geometry import CameraModel
+from belie.types import Detection, DetectionClaim, Frame
+
+WIDTH, HEIGHT, FRAME_NS, RATE = 480, 320, 100_000_000, 0.1
+MODEL = CameraModel(width=WIDTH, height=HEIGHT, fx=400, fy=400, cx=239.5, cy=159.5)
+BOXES = [[20.0, 140, 80, 180], [120, 130, 220, 200], [260, 150, 300, 180], [330, 100, 460, 220]]
+
+
+def test_the_shares_add_up_to_one_in_the_message_in_which_objects_appear():
+    config, rng = Config(), np.random.default_rng(0)
+    stage = ObjectStage(MODEL, config.objects, config.tracking, RATE)
+    picture = rng.integers(40, 200, (HEIGHT, WIDTH)).astype(np.uint8)
+    for k, count in enumerate([1, 1, 4, 4, 2, 2]):
+        told = tuple(
+            Detection(label="car", score=0.9, track_id=str(i), box_px=np.array(box))
+            for i, box in enumerate(BOXES[:count])
+        )
+        now = k * FRAME_NS
+        claim = DetectionClaim(source="/detections", stamp_ns=now, received_ns=now, detections=told)
+        stage.take((claim,), now)
+        stage.update(Frame(camera="/image", stamp_ns=now, received_ns=now, image=picture))
+        stream = stage.streams["/detections"]
+        if k:
+            messages = 3600.0 / stream.interval_s
+            given = [messages / np.exp(stream.threshold("hiding", track)) for track in stream.tracks]
+            assert sum(given) == pytest.approx(RATE * _RATE_SHARE["hiding"])
