@@ -59,7 +59,7 @@ def match_corners(
     for level in range(2, -1, -1):
         if after[level].shape[0] and before[level].shape[0]:
             track_level(
-                before[level], after[level], start, found, alive, correlation, scale, iterations, min_eigenvalue,
+                before[level], after[level], start, found, alive, correlation, scale, iterations, min_eigenvalue, 0.0,
                 level == 0,
             )  # fmt: skip
         scale *= 2.0
