@@ -56,3 +56,19 @@ def test_blank_patches_and_points_outside_are_not_verified():
     points = np.array([[50.0, 50.0], [2.0, 2.0], [-5.0, 400.0], [np.nan, 3.0]])
     _, verified = track(build_pyramid(blank, 2), build_pyramid(blank, 2), points, points, TrackingSettings())
     assert not verified.any()
+
+
+def test_a_patch_of_an_edge_is_not_followed():
+    step = np.zeros((80, 80), np.uint8)
+    step[:, 40:] = 120
+    corner = step.copy()
+    corner[40:] = 0
+    s = TrackingSettings(levels=2)
+    start = np.array([[39.5, 39.5]])
+    for image, followed in ((step, False), (corner, True)):
+        noisy = np.clip(image + np.random.default_rng(0).normal(20.0, 4.0, image.shape), 0, 255).astype(
+            np.uint8
+        )
+        pyramid = build_pyramid(noisy, 2)
+        assert track(pyramid, pyramid, start, start, s)[1].all()  # there is enough contrast for both
+        assert track(pyramid, pyramid, start, start, s, harris=0.04)[1].all() == followed

@@ -258,7 +258,6 @@ def track(
     points_px: npt.NDArray[np.float64],
     predicted_px: npt.NDArray[np.float64],
     settings: TrackingSettings,
-    min_eigenvalue: float | None = None,
     harris: float = 0.0,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Follow corners from one pyramid to the next.
@@ -269,8 +268,9 @@ def track(
         From `build_pyramid`, of equal sizes.
     points_px, predicted_px : arrays (N, 2)
         Corners in the previous image; where to start looking in the current one.
-    min_eigenvalue : float or None
-        In place of that of the settings.
+    harris : float
+        Least share of the structure tensor's squared trace that its determinant has (Harris and Stephens, 1988): a
+        patch of an edge slides along it.
 
     Returns
     -------
@@ -293,13 +293,12 @@ def track(
     start = np.asarray(points_px, dtype=np.float64)
     alive = np.asarray(np.isfinite(found).all(axis=1))
     correlation = np.zeros(len(found))
-    least = settings.min_eigenvalue if min_eigenvalue is None else min_eigenvalue
 
     def follow(part: slice) -> None:
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
             track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
-                0.5**level, settings.iterations, least, harris, level == 0,
+                0.5**level, settings.iterations, settings.min_eigenvalue, harris, level == 0,
             )  # fmt: skip
 
     if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:

@@ -11,16 +11,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
+from belie.odometry.agreement import MAJORITY, agreement, extent, stretched, sureness_of
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
+from belie.odometry.first_baseline import UNKNOWN_DEPTH, FirstBaseline, depths_after, first_baseline
 from belie.odometry.image_quality import why_nothing_is_seen
-from belie.odometry.plane_ambiguity import (
-    OtherMotion,
-    evidence_between,
-    is_another,
-    is_refuted,
-    motions_of_plane,
-)
+from belie.odometry.plane_ambiguity import OtherMotion, evidence_between
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
 from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
@@ -31,13 +27,10 @@ from belie.types.features import Features
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
-_MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 _HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
 _LEAST_EXTENT = 0.15  # of the image: half the corners of a car in the next lane, 10 m ahead, lie within it
-_KNOWN_RAD = 0.1  # of a direction: a map made by it has its depths to a tenth
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
-_UNKNOWN_DEPTH = 10.0  # standard deviation of an inverse depth of which nothing is known, in typical ones
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -232,7 +225,7 @@ class VisualOdometry:
         other = self._other
         other.pose = self._refine(rays, current, other.corners, other.pose.T_cur_prev, ratio)
         # Where traffic outvotes the scene, neither is told from the other by it.
-        if max(float(pose.inliers.mean()), float(other.pose.inliers.mean())) >= _MAJORITY:
+        if max(float(pose.inliers.mean()), float(other.pose.inliers.mean())) >= MAJORITY:
             other.weigh(pose)
         if other.proven:
             self._corners, pose = other.corners, other.pose
@@ -290,11 +283,13 @@ class VisualOdometry:
         together = corners.age == np.bincount(corners.age).argmax()
         anchor = self._anchor[together]
         _, since_anchor = rotation_between(anchor, current[together], sigma)
-        found: tuple[RelativePose, RelativePose | None] | None = None
+        first: FirstBaseline | None = None
         if float(np.median(since_anchor)) * self._focal_px >= self.settings.baseline_px:
-            found = self._motion_since_anchor(
-                anchor, current[together], sigma, float(np.median(since_anchor)), together
-            )
+            parallax_since = float(np.median(since_anchor))
+            first = first_baseline(anchor, current[together], sigma, parallax_since, self._unit)
+            if first is not None and not first.makes_a_map:
+                self._fits_anchor[together] = first.pose.chi2 < _WILD_CHI2
+                first = None
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
         hidden = hidden_rotation(rays[:, :2]) * float(np.median(parallax))
@@ -312,58 +307,20 @@ class VisualOdometry:
             )
 
         def with_depths(since_anchor: RelativePose) -> RelativePose:
-            near, variance = _depths_after(since_anchor, anchor, rays[together], R)
+            near, variance = depths_after(since_anchor, anchor, rays[together], R)
             typical = float(np.median(np.maximum(near, 0.0)))
             inverse_depth = np.full(len(rays), typical)
-            unknown = np.full(len(rays), (_UNKNOWN_DEPTH * typical) ** 2 + 1e-18)
+            unknown = np.full(len(rays), (UNKNOWN_DEPTH * typical) ** 2 + 1e-18)
             inverse_depth[together], unknown[together] = near, variance
             return turned(inverse_depth, unknown)
 
-        if found is None:
+        if first is None:
             return turned(corners.inverse_depth, corners.variance)
         self._has_scale = True
-        pose, other = found
-        if other is not None:
-            self._other = OtherMotion(deepcopy(corners), with_depths(other), evidence_between(pose, other))
-        return with_depths(pose)
-
-    def _makes_a_map(self, anchor: FloatArray, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
-        """Whether enough corners agree, on which way too, and know the direction well: its error is in every depth."""
-        if int(pose.inliers.sum()) < LEAST_CORNERS or not _tells_which_way(pose):
-            return False
-        t = pose.T_cur_prev.t
-        C = PoseCovariance(1).update(anchor, current, pose, sigma)[:3, :3] / _sureness(_agreement(pose)) ** 2
-        across = float(np.trace(C)) - float(t @ C @ t) / float(t @ t)
-        return across < _KNOWN_RAD**2 * float(t @ t)
-
-    def _motion_since_anchor(
-        self,
-        anchor: FloatArray,
-        current: FloatArray,
-        sigma: float,
-        parallax: float,
-        together: npt.NDArray[np.bool_],
-    ) -> tuple[RelativePose, RelativePose | None] | None:
-        """The motion that fits best, and the other one that a plane allows where these two images do not refute it."""
-        scratch = relative_pose_from_scratch(anchor, current, sigma)
-        if scratch is None:
-            return None
-        typical = np.full(len(current), max(parallax / self._unit, 1e-9))
-
-        def polished(start: SE3) -> RelativePose:
-            return estimate_relative_pose(
-                anchor, current, typical, (_UNKNOWN_DEPTH * typical) ** 2, start, sigma=sigma, fix_length=True
-            )
-
-        pose = polished(SE3(scratch.R, scratch.t * self._unit))
-        found = [pose, *(polished(start) for start in motions_of_plane(anchor, pose))]
-        found.sort(key=robust_cost)
-        pose = found[0]
-        if not self._makes_a_map(anchor, current, pose, sigma):
-            self._fits_anchor[together] = pose.chi2 < _WILD_CHI2
-            return None
-        others = (other for other in found[1:] if is_another(pose, other) and not is_refuted(pose, other))
-        return pose, next(others, None)
+        if first.other is not None:
+            evidence = evidence_between(first.pose, first.other)
+            self._other = OtherMotion(deepcopy(corners), with_depths(first.other), evidence)
+        return with_depths(first.pose)
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
@@ -375,7 +332,7 @@ class VisualOdometry:
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        sureness = _sureness(_agreement(pose))
+        sureness = sureness_of(agreement(pose))
         covariance = pose.covariance
         if had_scale:
             current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
@@ -383,14 +340,14 @@ class VisualOdometry:
             depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
             bias = self.settings.tracking_bias_px / self._focal_px * depth
             covariance[:3, :3] += bias**2 * np.eye(3)
-            covariance = _stretched(covariance, pose, sureness)
+            covariance = stretched(covariance, pose, sureness)
             if self._other is not None:
                 covariance += self._other.doubt(pose)
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         if had_scale and self._other is not None:
             reason = "two motions explain the images: all corners lie in one plane; only rotation is checked"
         agreeing = int(inliers.sum())
-        if agreeing < _MAJORITY * (len(found) - int(pose.neutral.sum())):
+        if agreeing < MAJORITY * (len(found) - int(pose.neutral.sum())):
             reason = (
                 f"no majority: {agreeing} of {len(found)} corners move as one (traffic, repeated texture)"
             )
@@ -398,7 +355,7 @@ class VisualOdometry:
         elif had_scale and agreeing < LEAST_CORNERS:
             reason = f"too few corners: {agreeing} agree, {LEAST_CORNERS} are needed to tell how far they may be off"
             agreeing = 0
-        elif had_scale and self._extent(found[inliers]) < _LEAST_EXTENT:
+        elif had_scale and extent(found[inliers], self._camera) < _LEAST_EXTENT:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
         return VisualEstimate(
@@ -416,11 +373,6 @@ class VisualOdometry:
             predicted_px=self._full(predicted),
             observed_px=self._full(found),
         )
-
-    def _extent(self, px: FloatArray) -> float:
-        """Share of the image's width or height, whichever is more, that the middle half of the corners spans."""
-        low, high = np.quantile(px, [0.25, 0.75], axis=0)
-        return float(np.max((high - low) / (self._camera.width, self._camera.height)))
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
@@ -481,45 +433,6 @@ class VisualOdometry:
             parallax_px=0.0,
             reason=reason,
         )
-
-
-def _agreement(pose: RelativePose) -> float:
-    """Share of the points that move with the scene, of all that say anything of rotation and direction."""
-    return float(pose.inliers.sum()) / max(len(pose.chi2) - int(pose.neutral.sum()), 1)
-
-
-def _tells_which_way(pose: RelativePose) -> bool:
-    """Whether enough points agree on a direction, and most of those with parallax on which way along it."""
-    ahead = int((pose.inliers & (pose.inverse_depth > 3.0 * np.sqrt(pose.inverse_depth_variance))).sum())
-    most = _MAJORITY * (ahead + int(pose.neutral.sum()))
-    return _agreement(pose) >= 2.0 * _LEAST_AGREEING and ahead >= most
-
-
-def _stretched(covariance: FloatArray, pose: RelativePose, sureness: float) -> FloatArray:
-    """The covariance, with the length of the translation surer by no more than those who agree on it."""
-    t = pose.T_cur_prev.t
-    along = np.concatenate([t / max(float(np.linalg.norm(t)), 1e-12), np.zeros(3)])
-    more = (sureness / _sureness(float(pose.inliers.mean()))) ** 2 - 1.0
-    return covariance + more * float(along @ covariance @ along) * np.outer(along, along)
-
-
-def _sureness(agreeing: float) -> float:
-    """The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4)."""
-    return max(2.0 * agreeing - 1.0, 0.05)
-
-
-def _depths_after(
-    since_anchor: RelativePose, anchor: FloatArray, rays: FloatArray, R: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Inverse depths and variances now, as `advance` will expect them in the previous frame under (R, 0)."""
-    T = since_anchor.T_cur_prev
-    z_ratio = anchor @ T.R[2, :2] + T.R[2, 2] + since_anchor.inverse_depth * T.t[2]
-    z_ratio = np.where(z_ratio > 0.02, z_ratio, np.nan)
-    turned = rays @ R[2]
-    return (
-        np.nan_to_num(since_anchor.inverse_depth / z_ratio * turned, nan=-1.0),
-        since_anchor.inverse_depth_variance * np.nan_to_num(turned / z_ratio, nan=1.0) ** 2,
-    )
 
 
 def _project(points: FloatArray) -> FloatArray:
