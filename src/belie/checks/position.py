@@ -103,6 +103,11 @@ class PositionCheck:
         self.apart_m: float | None = None  # from where the odometry leads, at most since it is accused
         self.evidence: Evidence | None = None
 
+    @property
+    def interval_ns(self) -> int:
+        """Between the latest two claims that were tested."""
+        return round(self._interval_s * 1e9)
+
     def skip(self, reason: str, *, odometry_lost: bool = False) -> CheckResult:
         """UNDECIDED for a frame that cannot be tested.
 

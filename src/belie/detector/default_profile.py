@@ -110,6 +110,7 @@ class DefaultProfile:
         judgements = [Judgement(result=seen, onset_ns=self._camera_check.onset_ns)]
         if estimate is None or self._must_withhold(seen):
             judgements += self._withhold(f"not judged: {seen.reason}")
+            self._note_blindness(frame, motions, judged=False)
             self._follow(frame, None)
             if estimate is None or seen.status is Status.CONTRADICTED:
                 # No position is judged later by this frame; where the camera only doubts itself, it may wait.
@@ -117,7 +118,7 @@ class DefaultProfile:
                     self._streams.due_positions(source, frame.stamp_ns)
         else:
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
-            self._note_blindness(frame, motions)
+            self._note_blindness(frame, motions, judged=True)
             self._follow(frame, estimate)
             judgements += [
                 self._judge_positions(source, frame, estimate) for source in self._streams.positions
@@ -227,14 +228,14 @@ class DefaultProfile:
                 return key, check
         return ("odometry", ""), None
 
-    def _note_blindness(self, frame: Frame, motions: dict[StreamKey, SE3 | None]) -> None:
+    def _note_blindness(self, frame: Frame, motions: dict[StreamKey, SE3 | None], *, judged: bool) -> None:
         """Keep by how much the odometry may have lied since the last frame without a trace, m."""
         key, check = self._followed_odometry()
         T_prev_cur = motions.get(key)
         if check is None or T_prev_cur is None or self._last_ns is None:
             return
         hidden_m = float(np.linalg.norm(T_prev_cur.t))  # where nobody looked, all of it
-        if check.floor_m_s is not None:
+        if judged and check.floor_m_s is not None:
             seconds = (frame.stamp_ns - self._last_ns) * 1e-9
             hidden_m = min(hidden_m, _TRACELESS * check.floor_m_s * seconds)
         self._hidden_m.append((frame.stamp_ns, hidden_m))
@@ -249,7 +250,9 @@ class DefaultProfile:
             return None
         if check.source in self._standing:
             return None
-        hidden_m = sum(m for stamp_ns, m in self._hidden_m if stamp_ns >= check.evidence.onset_ns)
+        # The first claim that differs tells of the way since the one before it.
+        since_ns = check.evidence.onset_ns - check.interval_ns
+        hidden_m = sum(m for stamp_ns, m in self._hidden_m if stamp_ns > since_ns)
         if check.apart_m < hidden_m:
             return hidden_m
         self._standing.add(check.source)

@@ -9,11 +9,12 @@ import numpy as np
 from belie.geometry import SE3, FloatArray
 from belie.odometry.agreement import agreement, sureness_of, tells_which_way
 from belie.odometry.plane_ambiguity import is_another, is_refuted, motions_of_plane
-from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
-from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost
+from belie.odometry.pose_covariance import PoseCovariance
+from belie.odometry.relative_pose import RelativePose, direction_cost, estimate_relative_pose
 from belie.odometry.two_view import relative_pose_from_scratch
 
 UNKNOWN_DEPTH = 10.0  # standard deviation of an inverse depth of which nothing is known, in typical ones
+_LEAST_CORNERS = 18  # six unknowns of motion and scale, robustly: three corners for each
 _KNOWN_RAD = 0.1  # of a direction: a map made by it has its depths to a tenth
 _NEAREST = 0.02  # of its depth then: a corner that came nearer has passed
 
@@ -66,7 +67,7 @@ def first_baseline(
 
     pose = polished(SE3(scratch.R, scratch.t * length))
     found = [pose, *(polished(start) for start in motions_of_plane(anchor, pose))]
-    found.sort(key=robust_cost)
+    found.sort(key=direction_cost)
     pose = found[0]
     others = (other for other in found[1:] if is_another(pose, other) and not is_refuted(pose, other))
     return FirstBaseline(
@@ -75,7 +76,7 @@ def first_baseline(
 
 
 def _makes_a_map(anchor: FloatArray, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
-    if int(pose.inliers.sum()) < LEAST_CORNERS or not tells_which_way(pose):
+    if int(pose.inliers.sum()) < _LEAST_CORNERS or not tells_which_way(pose):
         return False
     t = pose.T_cur_prev.t
     C = PoseCovariance(1).update(anchor, current, pose, sigma)[:3, :3] / sureness_of(agreement(pose)) ** 2

@@ -17,7 +17,7 @@ import numpy as np
 
 from belie.geometry import SE3, FloatArray
 from belie.odometry.depth_filter import TrackedCorners
-from belie.odometry.relative_pose import RelativePose, robust_cost
+from belie.odometry.relative_pose import RelativePose, direction_cost
 
 _SAME = 9.0  # chi2 of two motions that are told apart no better than by three sigma
 _SHARED = (
@@ -66,7 +66,7 @@ class OtherMotion:
 def evidence_between(better: RelativePose, other: RelativePose) -> float:
     """How much worse the same corners fit the other motion, chi2 in units of the noise that the better one leaves."""
     left = float(np.median(better.chi2)) / _USUAL_CHI2
-    return (robust_cost(other) - robust_cost(better)) / max(1.0, left)
+    return (direction_cost(other) - direction_cost(better)) / max(1.0, left)
 
 
 def is_refuted(better: RelativePose, other: RelativePose) -> bool:

@@ -30,6 +30,7 @@ _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of t
 _HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
 _LEAST_EXTENT = 0.15  # of the image: half the corners of a car in the next lane, 10 m ahead, lie within it
+_UNKNOWN_RAD = 1.0  # of a direction, each way across: as good as any other
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
@@ -167,7 +168,8 @@ class VisualOdometry:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         else:
             self._unvouched += 1
-        if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN:
+        astray = had_scale and self._other is None and self._knows_no_direction(pose, estimate)
+        if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN or astray:
             self._begin_anew()
         self._take(frame, pyramid)
         return estimate
@@ -373,6 +375,12 @@ class VisualOdometry:
             predicted_px=self._full(predicted),
             observed_px=self._full(found),
         )
+
+    def _knows_no_direction(self, pose: RelativePose, estimate: VisualEstimate) -> bool:
+        """Whether corners move, and yet any direction would do: depths that follow from such a motion are none."""
+        t, C = pose.T_cur_prev.t, estimate.covariance[:3, :3]
+        moves = estimate.parallax_px >= self.settings.baseline_px * self._shrink
+        return moves and float(np.trace(C)) > 2.0 * _UNKNOWN_RAD**2 * float(t @ t)
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
