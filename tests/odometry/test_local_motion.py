@@ -26,7 +26,7 @@ def test_a_view_holds_the_pyramid_and_the_contrast_of_its_window(box: list[float
 
 
 def test_corners_are_matched_as_the_image_s_own_are() -> None:
-    rng, settings = np.random.default_rng(1), TrackingSettings()
+    rng, settings = np.random.default_rng(1), TrackingSettings(min_eigenvalue=1.0)
     image = _textured(240, 320)
     moved = cv2.warpAffine(image, np.array([[1.02, 0.0, 1.3], [0.0, 1.02, -2.1]]), (320, 240))
     other = np.where(np.arange(320) < 150, _textured(240, 320, seed=5), moved).astype(
@@ -39,7 +39,7 @@ def test_corners_are_matched_as_the_image_s_own_are() -> None:
         before.pictures, after.pictures, start, np.zeros(24, bool), settings.iterations, 0.75, 1.0
     )
     pyramids = [build_pyramid(view.pictures[0], 3) for view in (before, after)]
-    expected, verified = track(*pyramids, start, start, settings, 1.0)
+    expected, verified = track(*pyramids, start, start, settings)
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert 3 < agreeing.sum() == votes <= verified.sum() < 24
     assert not agreeing[~verified].any()

@@ -27,6 +27,7 @@ _INNER_ITERATIONS = 5
 _LENGTH_ITERATIONS = 3
 _HEARD = 0.5  # of what two images say against the map: as many errors are theirs as the map's
 _NEAR = 1e-3  # smallest Z_cur / Z_prev that is still in front of the camera
+_TRAFFIC_CHI2 = 4.0  # -2 log of the chance that a corner is one of traffic along the road: one in seven
 KERNEL_CHI2 = 9.0  # the kernel's half-way point: a 3-sigma error
 
 
@@ -455,12 +456,14 @@ def robust_cost(pose: RelativePose) -> float:
 
 
 def direction_cost(pose: RelativePose) -> float:
-    """What they say against its rotation and direction alone: neutral ones only by how far they are off their lines.
+    """What they say against its rotation and direction: a neutral one no more than that it must be traffic.
 
-    For a motion that nothing is known of: where a third of the corners is traffic along the road, another motion can be
-    found that has more corners before the camera, and fewer on their lines.
+    For a motion that nothing is known of. Along a road, where a third of the corners is traffic, another motion can be
+    found that has more corners before the camera and fewer on their lines; past a wall, one that has them all on their
+    lines and half of them behind infinity.
     """
-    return float(np.minimum(np.where(pose.neutral, pose.across2, pose.chi2), KERNEL_CHI2).sum())
+    excused = pose.across2 + _TRAFFIC_CHI2
+    return float(np.minimum(np.where(pose.neutral, excused, pose.chi2), KERNEL_CHI2).sum())
 
 
 def covariance_of(H: FloatArray) -> FloatArray:

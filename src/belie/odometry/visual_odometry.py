@@ -290,7 +290,7 @@ class VisualOdometry:
             parallax_since = float(np.median(since_anchor))
             first = first_baseline(anchor, current[together], sigma, parallax_since, self._unit)
             if first is not None and not first.makes_a_map:
-                self._fits_anchor[together] = first.pose.chi2 < _WILD_CHI2
+                self._fits_anchor[together] = first.pose.across2 < _WILD_CHI2
                 first = None
         spread = float(np.median(parallax)) ** 2 + sigma * sigma
         # A translation looks like a rotation where depths are alike: it leaves a fraction of itself as parallax.
