@@ -31,7 +31,7 @@ def test_over_flat_ground_no_motion_is_told_before_it_is_known_and_then_the_true
     flat_ground, pitch_deg, step_m, turn_deg
 ):
     poses = [SE3.exp([0.0, 0.0, 0.0, np.radians(pitch_deg), 0.0, 0.0])]
-    for _ in range(13):
+    for _ in range(17):
         poses.append(poses[-1] @ SE3.exp([*(poses[-1].R.T @ step_m), *np.radians(turn_deg)]))
     odometry = VisualOdometry(CAMERA)
     told = 0

@@ -30,7 +30,9 @@ _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of t
 _HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
 _LEAST_EXTENT = 0.15  # of the image: half the corners of a car in the next lane, 10 m ahead, lie within it
-_UNKNOWN_RAD = 1.0  # of a direction, each way across: as good as any other
+_UNKNOWN_RAD = 0.5  # of a direction, where corners move: depths that follow from such a motion are none
+_KNOWN_RAD = 0.1  # of a direction: depths by it are right to a tenth
+_CONFIRMED = 3  # images in which it is known that well, before a new map is believed: traffic makes maps, too
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
@@ -129,6 +131,7 @@ class VisualOdometry:
         self._has_scale = False
         self._anchor = np.empty((0, 2))
         self._other: OtherMotion | None = None
+        self._confirmed = 0
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
@@ -151,6 +154,7 @@ class VisualOdometry:
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
             return self._lost(frame, pyramid, tried, len(found))
+        young = had_scale and self._confirmed < _CONFIRMED
         estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
         self._learn_noise(pose)
         kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
@@ -166,9 +170,10 @@ class VisualOdometry:
             self._unvouched = 0
             if had_scale and self._other is None and not estimate.is_still:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
-        else:
+        elif not young or agreeing < MAJORITY:
             self._unvouched += 1
-        astray = had_scale and self._other is None and self._knows_no_direction(pose, estimate)
+        settled = had_scale and self._other is None and self._moves(estimate)
+        astray = settled and _direction_error(pose, estimate.covariance) > _UNKNOWN_RAD
         if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN or astray:
             self._begin_anew()
         self._take(frame, pyramid)
@@ -360,6 +365,12 @@ class VisualOdometry:
         elif had_scale and extent(found[inliers], self._camera) < _LEAST_EXTENT:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
+        elif had_scale and self._confirmed < _CONFIRMED:
+            self._confirmed += _direction_error(pose, covariance * shared / sureness**2) < _KNOWN_RAD
+            reason = (
+                "a new map, not yet confirmed: the camera must move on" if self._other is None else reason
+            )
+            agreeing = 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
@@ -376,11 +387,8 @@ class VisualOdometry:
             observed_px=self._full(found),
         )
 
-    def _knows_no_direction(self, pose: RelativePose, estimate: VisualEstimate) -> bool:
-        """Whether corners move, and yet any direction would do: depths that follow from such a motion are none."""
-        t, C = pose.T_cur_prev.t, estimate.covariance[:3, :3]
-        moves = estimate.parallax_px >= self.settings.baseline_px * self._shrink
-        return moves and float(np.trace(C)) > 2.0 * _UNKNOWN_RAD**2 * float(t @ t)
+    def _moves(self, estimate: VisualEstimate) -> bool:
+        return estimate.parallax_px >= self.settings.baseline_px * self._shrink
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
@@ -441,6 +449,13 @@ class VisualOdometry:
             parallax_px=0.0,
             reason=reason,
         )
+
+
+def _direction_error(pose: RelativePose, covariance: FloatArray) -> float:
+    """Standard deviation of the direction of the translation, both ways across together, rad."""
+    t, C = pose.T_cur_prev.t, covariance[:3, :3]
+    length2 = max(float(t @ t), 1e-30)
+    return math.sqrt(max(float(np.trace(C)) - float(t @ C @ t) / length2, 0.0) / length2)
 
 
 def _project(points: FloatArray) -> FloatArray:
