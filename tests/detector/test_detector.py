@@ -226,3 +226,20 @@ def test_who_of_odometry_and_position_lies_is_open_where_the_camera_would_not_te
     blind = watch(attacked, stop=64)
     assert alerts(blind) == []
     assert any("or the odometry lies" in check.reason for verdict in blind for check in verdict.checks)
+
+
+def test_a_lie_of_the_odometry_told_in_the_dark_is_not_laid_on_the_position(kitti00):
+    """The lens is covered while the odometry steps aside: what nobody saw may have been anybody's lie."""
+    attacked = attacks.attack(kitti00, "odometry-offset:axis=left,magnitude=2,start=63")
+    detector, accused, reasons = Detector(kitti00.cameras), [], []
+    for i, step in enumerate(attacked.steps()):
+        frame = step.frame
+        if 60 <= i < 66:
+            frame = replace(frame, image=np.full(frame.image.shape, 3, np.uint8))
+        verdict = detector.update(frame, step.claims)
+        accused += [(i, a.type.value, a.source) for a in verdict.alerts]
+        reasons += [check.reason for check in verdict.checks]
+        if i == 75:
+            break
+    assert not [a for a in accused if a[1] == "position_spoofing"]
+    assert any("or the odometry lies" in reason for reason in reasons)
