@@ -91,10 +91,10 @@ class PoseCovariance:
         # A mean, at first with what was supposed before as one frame of it; then it forgets.
         share = max(1.0 / self._memory_frames, 1.0 / (self._frames + 2.0))
         self._excess = (1.0 - share) * self._excess + share * excess
-        self._steepness = (1.0 - share) * self._steepness + share * steepness
+        self._steepness = (1.0 - share) * self._steepness + share * min(max(steepness, _LEAST_STEEPNESS), 1.0)
         self._frames += 1
         # Corners that happen to agree better than their noise allows are no better than their noise.
-        spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3) / max(self._steepness, _LEAST_STEEPNESS)
+        spread = np.repeat(np.sqrt(np.maximum(self._excess, 1.0)), 3) / self._steepness
         return np.asarray(C * np.outer(spread, spread))
 
 

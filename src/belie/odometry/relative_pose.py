@@ -224,6 +224,8 @@ def _across2(
     previous: FloatArray, current: FloatArray, R: FloatArray, t: FloatArray, sigma: float
 ) -> FloatArray:
     """Squared distances (N,) from the epipolar lines, in units of sigma²."""
+    if not t.any():
+        return np.full(len(previous), np.inf)
     rays = np.column_stack([previous, np.ones(len(previous))]) @ R.T
     line = np.cross(t, rays)
     off = line[:, 0] * current[:, 0] + line[:, 1] * current[:, 1] + line[:, 2]

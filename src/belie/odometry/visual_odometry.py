@@ -34,6 +34,7 @@ _UNKNOWN_RAD = 0.5  # of a direction, where corners move: depths that follow fro
 _KNOWN_RAD = 0.1  # of a direction: depths by it are right to a tenth
 _CONFIRMED = 3  # images in which it is known that well, before a new map is believed: traffic makes maps, too
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
+_NEW_MAP = "a new map, not yet confirmed: another image must agree with its direction"
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
 
 
@@ -154,7 +155,6 @@ class VisualOdometry:
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
             return self._lost(frame, pyramid, tried, len(found))
-        young = had_scale and self._confirmed < _CONFIRMED
         estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
         self._learn_noise(pose)
         kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
@@ -170,9 +170,10 @@ class VisualOdometry:
             self._unvouched = 0
             if had_scale and self._other is None and not estimate.is_still:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
-        elif not young or agreeing < MAJORITY:
+        elif estimate.reason != _NEW_MAP:
             self._unvouched += 1
-        settled = had_scale and self._other is None and self._moves(estimate)
+        moves = estimate.parallax_px >= self.settings.baseline_px * self._shrink
+        settled = had_scale and self._other is None and moves
         astray = settled and _direction_error(pose, estimate.covariance) > _UNKNOWN_RAD
         if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN or astray:
             self._begin_anew()
@@ -365,12 +366,10 @@ class VisualOdometry:
         elif had_scale and extent(found[inliers], self._camera) < _LEAST_EXTENT:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
-        elif had_scale and self._confirmed < _CONFIRMED:
+        elif had_scale and self._other is None and self._confirmed < _CONFIRMED:
             self._confirmed += _direction_error(pose, covariance * shared / sureness**2) < _KNOWN_RAD
-            reason = (
-                "a new map, not yet confirmed: the camera must move on" if self._other is None else reason
-            )
-            agreeing = 0
+            if self._moves(parallax):
+                reason, agreeing = _NEW_MAP, 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
@@ -387,8 +386,9 @@ class VisualOdometry:
             observed_px=self._full(found),
         )
 
-    def _moves(self, estimate: VisualEstimate) -> bool:
-        return estimate.parallax_px >= self.settings.baseline_px * self._shrink
+    def _moves(self, parallax: FloatArray) -> bool:
+        """Whether this very image shows a direction; where corners creep it is stated to be hardly known anyway."""
+        return len(parallax) > 0 and float(np.median(parallax)) >= self.settings.baseline_px
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
