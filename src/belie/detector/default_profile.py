@@ -98,9 +98,8 @@ class DefaultProfile:
         self._streams.take(claims, frame.stamp_ns)
         self._objects.take(claims, frame.stamp_ns)
         self._open_checks()
-        self.look(
-            frame
-        )  # kept until the frame is judged: if this raises, it may be asked for again, or the next one
+        # Kept until the frame is judged: if this raises, it may be asked for again, or the next one.
+        self.look(frame)
         assert self._looked_at is not None
         _, unusable, self.estimate = self._looked_at
         estimate = self.estimate

@@ -7,11 +7,14 @@ translation, and which way it points, but neither the rotation nor the direction
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from belie.geometry import CameraModel, FloatArray
 from belie.odometry.relative_pose import RelativePose
 
+KNOWN_RAD = 0.1  # of a direction: depths by it are right to a tenth
 MAJORITY = 0.6  # a little above the breakdown point: with fewer, the motion may be that of a passing lorry
 
 
@@ -38,6 +41,13 @@ def stretched(covariance: FloatArray, pose: RelativePose, sureness: float) -> Fl
 def sureness_of(agreeing: float) -> float:
     """The bias of a robust estimate grows with the share ε of outliers as 1 / (1 - 2ε) (Huber 1981, ch. 4)."""
     return max(2.0 * agreeing - 1.0, 0.05)
+
+
+def direction_error(pose: RelativePose, covariance: FloatArray) -> float:
+    """Standard deviation of the direction of the translation, both ways across together, rad; covariance (6, 6)."""
+    t, C = pose.T_cur_prev.t, covariance[:3, :3]
+    length2 = max(float(t @ t), 1e-30)
+    return math.sqrt(max(float(np.trace(C)) - float(t @ C @ t) / length2, 0.0) / length2)
 
 
 def extent(px: FloatArray, camera: CameraModel) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from belie.geometry import SE3, FloatArray
-from belie.odometry.agreement import agreement, sureness_of, tells_which_way
+from belie.odometry.agreement import KNOWN_RAD, agreement, direction_error, sureness_of, tells_which_way
 from belie.odometry.plane_ambiguity import is_another, is_refuted, motions_of_plane
 from belie.odometry.pose_covariance import PoseCovariance
 from belie.odometry.relative_pose import RelativePose, direction_cost, estimate_relative_pose
@@ -15,7 +15,6 @@ from belie.odometry.two_view import relative_pose_from_scratch
 
 UNKNOWN_DEPTH = 10.0  # standard deviation of an inverse depth of which nothing is known, in typical ones
 _LEAST_CORNERS = 18  # six unknowns of motion and scale, robustly: three corners for each
-_KNOWN_RAD = 0.1  # of a direction: a map made by it has its depths to a tenth
 _NEAREST = 0.02  # of its depth then: a corner that came nearer has passed
 
 
@@ -78,10 +77,8 @@ def first_baseline(
 def _makes_a_map(anchor: FloatArray, current: FloatArray, pose: RelativePose, sigma: float) -> bool:
     if int(pose.inliers.sum()) < _LEAST_CORNERS or not tells_which_way(pose):
         return False
-    t = pose.T_cur_prev.t
-    C = PoseCovariance(1).update(anchor, current, pose, sigma)[:3, :3] / sureness_of(agreement(pose)) ** 2
-    across = float(np.trace(C)) - float(t @ C @ t) / float(t @ t)
-    return across < _KNOWN_RAD**2 * float(t @ t)
+    covariance = PoseCovariance(1).update(anchor, current, pose, sigma) / sureness_of(agreement(pose)) ** 2
+    return direction_error(pose, covariance) < KNOWN_RAD
 
 
 def depths_after(

@@ -11,7 +11,15 @@ import numpy.typing as npt
 from pydantic import Field
 
 from belie.geometry import SE3, CameraModel, FloatArray
-from belie.odometry.agreement import MAJORITY, agreement, extent, stretched, sureness_of
+from belie.odometry.agreement import (
+    KNOWN_RAD,
+    MAJORITY,
+    agreement,
+    direction_error,
+    extent,
+    stretched,
+    sureness_of,
+)
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
 from belie.odometry.first_baseline import UNKNOWN_DEPTH, FirstBaseline, depths_after, first_baseline
@@ -31,8 +39,9 @@ _HARRIS = 0.04  # Harris and Stephens, 1988: along an edge a patch slides
 _BREAKDOWN = 0.5  # share of the corners; with fewer no map can tell what stands from what moves
 _LEAST_EXTENT = 0.15  # of the image: half the corners of a car in the next lane, 10 m ahead, lie within it
 _UNKNOWN_RAD = 0.5  # of a direction, where corners move: depths that follow from such a motion are none
-_KNOWN_RAD = 0.1  # of a direction: depths by it are right to a tenth
-_CONFIRMED = 3  # images in which it is known that well, before a new map is believed: traffic makes maps, too
+_CONFIRMED = (
+    3  # images in which its direction is known well, before a new map is believed: traffic makes maps, too
+)
 _WILD_CHI2 = 16.0  # of a corner that is no longer followed
 _NEW_MAP = "a new map, not yet confirmed: another image must agree with its direction"
 _UNOBSERVED = 1e6  # variance of a translation that was not seen, map units²
@@ -172,9 +181,8 @@ class VisualOdometry:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
         elif estimate.reason != _NEW_MAP:
             self._unvouched += 1
-        moves = estimate.parallax_px >= self.settings.baseline_px * self._shrink
-        settled = had_scale and self._other is None and moves
-        astray = settled and _direction_error(pose, estimate.covariance) > _UNKNOWN_RAD
+        settled = had_scale and self._other is None and self._moves(estimate.parallax_px / self._shrink)
+        astray = settled and direction_error(pose, estimate.covariance) > _UNKNOWN_RAD
         if self._unvouched >= _MOST_UNVOUCHED or agreeing < _BREAKDOWN or astray:
             self._begin_anew()
         self._take(frame, pyramid)
@@ -285,7 +293,6 @@ class VisualOdometry:
     def _first_baseline(self, rays: FloatArray, current: FloatArray, sigma: float) -> RelativePose:
         """Rotation alone, until the corners have moved enough since the anchor frame to show their depths."""
         corners = self._corners
-        self._fits_anchor = np.ones(len(rays), dtype=bool)
         R, parallax = rotation_between(rays[:, :2], current, sigma)
         # Two images: those corners that were first seen in the same one, most of them in the first.
         together = corners.age == np.bincount(corners.age).argmax()
@@ -337,10 +344,12 @@ class VisualOdometry:
         inliers = pose.inliers
         rotated = _project(rays @ pose.T_cur_prev.R.T)
         parallax = np.linalg.norm(self._camera.normalize(found) - rotated, axis=1)[inliers] * self._focal_px
+        typical_px = float(np.median(parallax)) if len(parallax) else 0.0
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
         way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
-        sureness = sureness_of(agreement(pose))
+        agreed = agreement(pose)
+        sureness = sureness_of(agreed)
         covariance = pose.covariance
         if had_scale:
             current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
@@ -351,11 +360,12 @@ class VisualOdometry:
             covariance = stretched(covariance, pose, sureness)
             if self._other is not None:
                 covariance += self._other.doubt(pose)
+        covariance = covariance * shared / sureness**2
         reason = None if had_scale else "no baseline yet: the camera has not moved enough to show a direction"
         if had_scale and self._other is not None:
             reason = "two motions explain the images: all corners lie in one plane; only rotation is checked"
         agreeing = int(inliers.sum())
-        if agreeing < MAJORITY * (len(found) - int(pose.neutral.sum())):
+        if agreed < MAJORITY:
             reason = (
                 f"no majority: {agreeing} of {len(found)} corners move as one (traffic, repeated texture)"
             )
@@ -367,18 +377,18 @@ class VisualOdometry:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
         elif had_scale and self._other is None and self._confirmed < _CONFIRMED:
-            self._confirmed += _direction_error(pose, covariance * shared / sureness**2) < _KNOWN_RAD
-            if self._moves(parallax):
+            self._confirmed += direction_error(pose, covariance) < KNOWN_RAD
+            if self._moves(typical_px):
                 reason, agreeing = _NEW_MAP, 0
         return VisualEstimate(
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=previous_ns,
             T_prev_cur=pose.T_cur_prev.inverse(),
-            covariance=covariance * shared / sureness**2,
+            covariance=covariance,
             corners=tried,
             matches=len(found),
             inliers=agreeing,
-            parallax_px=float(np.median(parallax)) * self._shrink if len(parallax) else 0.0,
+            parallax_px=typical_px * self._shrink,
             map_id=self._map_id,
             error_px2=float(np.mean(pose.chi2[inliers])) * self._sigma_px**2 * self._shrink**2,
             reason=reason,
@@ -386,9 +396,9 @@ class VisualOdometry:
             observed_px=self._full(found),
         )
 
-    def _moves(self, parallax: FloatArray) -> bool:
-        """Whether this very image shows a direction; where corners creep it is stated to be hardly known anyway."""
-        return len(parallax) > 0 and float(np.median(parallax)) >= self.settings.baseline_px
+    def _moves(self, parallax_px: float) -> bool:
+        """Whether an image shows a direction by itself; where corners creep it is stated to be hardly known anyway."""
+        return parallax_px >= self.settings.baseline_px
 
     def _full(self, px: FloatArray) -> FloatArray:
         return (px + 0.5) * self._shrink - 0.5
@@ -449,13 +459,6 @@ class VisualOdometry:
             parallax_px=0.0,
             reason=reason,
         )
-
-
-def _direction_error(pose: RelativePose, covariance: FloatArray) -> float:
-    """Standard deviation of the direction of the translation, both ways across together, rad."""
-    t, C = pose.T_cur_prev.t, covariance[:3, :3]
-    length2 = max(float(t @ t), 1e-30)
-    return math.sqrt(max(float(np.trace(C)) - float(t @ C @ t) / length2, 0.0) / length2)
 
 
 def _project(points: FloatArray) -> FloatArray:
