@@ -30,9 +30,8 @@ class ImuSettings(Settings):
     """Noise and systematic errors of an honest gyroscope."""
 
     rotation_noise_deg: float = Field(
-        0.05, gt=0.0,
-        description="angle random walk [deg per sqrt(s)]: the 0.014 of a Bosch BMI055, its vibration, and the slow "
-        "errors of the visual rotation",
+        0.03, gt=0.0,
+        description="angle random walk [deg per sqrt(s)]: twice the 0.014 of a Bosch BMI055, for its vibration",
     )  # fmt: skip
     rotation_gain_noise: float = Field(
         0.01,

@@ -259,6 +259,7 @@ def track(
     predicted_px: npt.NDArray[np.float64],
     settings: TrackingSettings,
     harris: float = 0.0,
+    min_eigenvalue: float | None = None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Follow corners from one pyramid to the next.
 
@@ -271,6 +272,8 @@ def track(
     harris : float
         Least share of the structure tensor's squared trace that its determinant has (Harris and Stephens, 1988): a
         patch of an edge slides along it.
+    min_eigenvalue : float or None
+        Instead of the settings' own.
 
     Returns
     -------
@@ -293,12 +296,13 @@ def track(
     start = np.asarray(points_px, dtype=np.float64)
     alive = np.asarray(np.isfinite(found).all(axis=1))
     correlation = np.zeros(len(found))
+    least = settings.min_eigenvalue if min_eigenvalue is None else min_eigenvalue
 
     def follow(part: slice) -> None:
         for level in range(min(len(previous), len(current)) - 1, -1, -1):
             track_level(
                 previous[level], current[level], start[part], found[part], alive[part], correlation[part],
-                0.5**level, settings.iterations, settings.min_eigenvalue, harris, level == 0,
+                0.5**level, settings.iterations, least, harris, level == 0,
             )  # fmt: skip
 
     if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:

@@ -23,7 +23,7 @@ from belie.odometry.agreement import (
 from belie.odometry.depth_filter import TrackedCorners
 from belie.odometry.features import FeatureSettings, extract_features
 from belie.odometry.first_baseline import UNKNOWN_DEPTH, FirstBaseline, depths_after, first_baseline
-from belie.odometry.image_quality import why_nothing_is_seen
+from belie.odometry.image_quality import sensor_noise, why_nothing_is_seen
 from belie.odometry.plane_ambiguity import OtherMotion, evidence_between
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
@@ -32,6 +32,11 @@ from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch,
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
+_ENOUGH = 3 * LEAST_CORNERS  # followed corners: traffic may take two thirds of them
+_PLENTY = 3 * _ENOUGH
+# Least eigenvalue of a weak corner, in variances of the image's noise, which by itself makes half of one: of the
+# structure an eighth is noise, and pulls a corner by no more than that share of its way from where it was expected.
+_WEAK = 4.0
 _LEAST_TRACKS = 15  # five unknowns, robustly: three points for each
 _MOST_UNVOUCHED = 3  # frames in which no majority is found; then the map has lost its hold
 _LEAST_AGREEING = 0.3  # share of the corners; fewer, and the map is no map of this scene
@@ -124,6 +129,7 @@ class VisualOdometry:
         self._last_features: Features | None = None
         self._unit = 1.0
         self._sigma_px = 0.2
+        self._least_eigenvalue = self.tracking.min_eigenvalue
         self._forget_motion()
 
     def _begin_anew(self) -> None:
@@ -152,9 +158,7 @@ class VisualOdometry:
         interval_ns = frame.stamp_ns - previous_ns
         rays = self._rays(self._corners.px)
         predicted = self._predict(rays, interval_ns)  # (4), (5)
-        found, verified = track(
-            self._pyramid, pyramid, self._corners.px, predicted, self.tracking, harris=_HARRIS
-        )  # Ψ, (6)
+        found, verified = self._track(pyramid, predicted)  # Ψ, (6)
         tried = len(found)
         self._keep(verified)
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
@@ -191,10 +195,11 @@ class VisualOdometry:
     def scene(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Corners of the latest image whose depth is known to a fifth: undistorted (N, 2), 1/Z and its deviation.
 
-        None while two motions stand, and with them two depths for each.
+        None while two motions stand, and with them two depths for each; nor of weak corners, whose depths creep.
         """
         deviation = np.sqrt(self._corners.variance)
-        known = deviation < (0.2 if self._other is None else 0.0) * self._corners.inverse_depth
+        weak = self._least_eigenvalue < self.tracking.min_eigenvalue
+        known = deviation < (0.0 if self._other or weak else 0.2) * self._corners.inverse_depth
         xy = self._camera.normalize(self._corners.px[known])
         return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
 
@@ -226,6 +231,25 @@ class VisualOdometry:
         points = self._corners.predict(rays, motion)
         points[:, 2] = np.maximum(points[:, 2], 1e-3)
         return self._camera.project(points)
+
+    def _track(self, pyramid: Pyramid, predicted: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Follow strong corners where there are enough of them, weak ones too where fog leaves nothing else."""
+        corners, strong = self._corners.px, self.tracking.min_eigenvalue
+
+        def follow() -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+            return track(
+                self._pyramid, pyramid, corners, predicted, self.tracking, _HARRIS, self._least_eigenvalue
+            )
+
+        found, verified = follow()
+        if np.count_nonzero(verified) < _ENOUGH:
+            least = min(_WEAK * sensor_noise(pyramid[0]) ** 2, strong)
+            if least < self._least_eigenvalue:
+                self._least_eigenvalue = least
+                found, verified = follow()
+        elif np.count_nonzero(verified) > _PLENTY:
+            self._least_eigenvalue = strong
+        return found, verified
 
     def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
         if len(found) < _LEAST_TRACKS:
