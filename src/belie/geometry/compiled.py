@@ -41,7 +41,9 @@ def compiled(*, inline: bool = False, reassociate: bool = False) -> Callable[[Fu
     if inline:
         options["inline"] = "always"
     if reassociate:
-        options["fastmath"] = {"reassoc", "contract"}
+        # As a part of its caller: as a symbol of its own a process that compiles would call the callee's first copy, and
+        # one that loads from the cache the copy that was optimised again with the caller, whose sums run otherwise.
+        options |= {"fastmath": {"reassoc", "contract"}, "forceinline": True}
 
     def decorate(function: Function) -> Function:
         kernel: Function
