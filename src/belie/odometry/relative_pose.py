@@ -24,6 +24,7 @@ from belie.geometry import SE3, FloatArray, compiled
 _OUTER_ITERATIONS = 8
 _WIDE = 512.0  # times the kernel: 68 sigma, 7 px for corners tracked to 0.1 px
 _INNER_ITERATIONS = 5
+_SETTLED = 1e-4  # squared length of a step in its own standard errors: a hundredth of one
 _LENGTH_ITERATIONS = 3
 _HEARD = 0.5  # of what two images say against the map: as many errors are theirs as the map's
 _NEAR = 1e-3  # smallest Z_cur / Z_prev that is still in front of the camera
@@ -285,9 +286,11 @@ def _levenberg_marquardt(
             if not _cholesky_solve(A, step, 6):
                 damping *= 10.0
                 continue
-            size = 0.0
+            size = 0.0  # squared, in standard errors: step' H step, Newton's decrement
             for a in range(6):
-                size += step[a] * step[a]
+                size += step[a] * g[a]
+            if size < (_SETTLED if kernel <= KERNEL_CHI2 else 1.0):  # under a wide kernel it only has to come near
+                break
             _exp_so3(step[3:], dR)
             for a in range(3):
                 for b in range(3):
@@ -301,7 +304,6 @@ def _levenberg_marquardt(
                 prev, cur, rho0, var0, shared, rho, slope, R_new, t_new, variance, kernel, A, step
             )
             if new_cost < cost:
-                gain = (cost - new_cost) / (cost + 1e-12)
                 for a in range(3):
                     t[a] = t_new[a]
                     for b in range(3):
@@ -311,13 +313,11 @@ def _levenberg_marquardt(
                 cost = new_cost
                 moved += size
                 damping = max(damping * 0.1, 1e-9)
-                if gain < 1e-5:
-                    break
             else:
                 damping = max(damping * 10.0, 1e-4)
                 if damping > 1e4:
                     break
-        if kernel <= KERNEL_CHI2 and moved < 1e-14 * (1.0 + length * length):
+        if kernel <= KERNEL_CHI2 and moved < _SETTLED:
             break
     _update_depths(prev, cur, rho0, var0, R, t, variance, rho, rho_var, slope, chi2)
     for a in range(6):
