@@ -41,8 +41,8 @@ def compiled(*, inline: bool = False, reassociate: bool = False) -> Callable[[Fu
     if inline:
         options["inline"] = "always"
     if reassociate:
-        # As a part of its caller: as a symbol of its own a process that compiles would call the callee's first copy, and
-        # one that loads from the cache the copy that was optimised again with the caller, whose sums run otherwise.
+        # Made a part of its caller: else a process that compiles calls the first copy of the function, and one that
+        # loads from the cache the copy that was optimised again with the caller, whose sums run in another order.
         options |= {"fastmath": {"reassoc", "contract"}, "forceinline": True}
 
     def decorate(function: Function) -> Function:

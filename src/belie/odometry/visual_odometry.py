@@ -160,11 +160,12 @@ class VisualOdometry:
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
         self._fits_anchor = np.ones(len(rays), dtype=bool)
-        pose = self._optimize(rays, found, interval_ns)  # Θ, (6)
+        current = self._camera.normalize(found)
+        pose = self._optimize(rays, current, interval_ns)  # Θ, (6)
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
             return self._lost(frame, pyramid, tried, len(found))
-        estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
+        estimate = self._answer(frame, previous_ns, tried, rays, found, current, predicted, pose, had_scale)
         self._learn_noise(pose)
         kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
         kept &= (pose.chi2 < _WILD_CHI2) & self._fits_anchor
@@ -227,10 +228,9 @@ class VisualOdometry:
         points[:, 2] = np.maximum(points[:, 2], 1e-3)
         return self._camera.project(points)
 
-    def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
-        if len(found) < _LEAST_TRACKS:
+    def _optimize(self, rays: FloatArray, current: FloatArray, interval_ns: int) -> RelativePose | None:
+        if len(current) < _LEAST_TRACKS:
             return None
-        current = self._camera.normalize(found)
         sigma = self._sigma_px / self._focal_px
         if not self._has_scale:
             return self._first_baseline(rays, current, sigma)
@@ -339,20 +339,20 @@ class VisualOdometry:
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
-        predicted: FloatArray, pose: RelativePose, had_scale: bool,
+        current: FloatArray, predicted: FloatArray, pose: RelativePose, had_scale: bool,
     ) -> VisualEstimate:  # fmt: skip
         inliers = pose.inliers
         rotated = _project(rays @ pose.T_cur_prev.R.T)
-        parallax = np.linalg.norm(self._camera.normalize(found) - rotated, axis=1)[inliers] * self._focal_px
+        parallax = np.linalg.norm(current - rotated, axis=1)[inliers] * self._focal_px
         typical_px = float(np.median(parallax)) if len(parallax) else 0.0
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
-        way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
+        way = float(np.median(np.linalg.norm(found - self._corners.px, axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
         agreed = agreement(pose)
         sureness = sureness_of(agreed)
         covariance = pose.covariance
         if had_scale:
-            current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
+            sigma = self._sigma_px / self._focal_px
             covariance = self._pose_covariance.update(rays[:, :2], current, pose, sigma)
             depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
             bias = self.settings.tracking_bias_px / self._focal_px * depth
