@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future
 from copy import deepcopy
 
 import cv2
@@ -21,13 +22,13 @@ from belie.odometry.agreement import (
     sureness_of,
 )
 from belie.odometry.depth_filter import TrackedCorners
-from belie.odometry.features import FeatureSettings, extract_features
+from belie.odometry.features import Candidates, FeatureSettings, extract_features, find_candidates
 from belie.odometry.first_baseline import UNKNOWN_DEPTH, FirstBaseline, depths_after, first_baseline
 from belie.odometry.image_quality import why_nothing_is_seen
 from belie.odometry.plane_ambiguity import OtherMotion, evidence_between
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
-from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
+from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, second_thread, track
 from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
@@ -122,6 +123,7 @@ class VisualOdometry:
         self._corners = TrackedCorners()
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
+        self._search: Future[Candidates] | None = None
         self._unit = 1.0
         self._sigma_px = 0.2
         self._forget_motion()
@@ -146,7 +148,7 @@ class VisualOdometry:
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
         pyramid = build_pyramid(self._working_image(frame.image), self.tracking.levels)  # F_t
-        previous_ns = self._stamp_ns
+        previous_ns, self._search = self._stamp_ns, None
         if previous_ns is None:
             return self._start(frame, pyramid)
         interval_ns = frame.stamp_ns - previous_ns
@@ -159,6 +161,10 @@ class VisualOdometry:
         self._keep(verified)
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
+        if cv2.getNumThreads() > 1 and self._needs_corners(len(found)):  # meanwhile
+            self._search = second_thread().submit(
+                find_candidates, pyramid[: self.features.levels], self.features, self._last_features
+            )
         self._fits_anchor = np.ones(len(rays), dtype=bool)
         current = self._camera.normalize(found)
         pose = self._optimize(rays, current, interval_ns)  # Θ, (6)
@@ -412,11 +418,11 @@ class VisualOdometry:
     def _take(self, frame: Frame, pyramid: Pyramid) -> None:
         """Keep the image, and follow new corners where the old ones have left."""
         corners = self._corners
-        missing = self.settings.corners - len(corners)
-        if missing > self.settings.corners // 10:
+        if self._needs_corners(len(corners)):
             self._last_features = extract_features(
                 pyramid[: self.features.levels], self.features, previous=self._last_features,
-                occupied_px=corners.px, max_corners=missing,
+                occupied_px=corners.px, max_corners=self.settings.corners - len(corners),
+                candidates=None if self._search is None else self._search.result(),
             )  # fmt: skip
             fresh = self._last_features.px.astype(np.float64)
             # Beyond, the last step shows no parallax: who is there might as well be at infinity.
@@ -428,6 +434,9 @@ class VisualOdometry:
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
+
+    def _needs_corners(self, followed: int) -> bool:
+        return self.settings.corners - followed > self.settings.corners // 10
 
     def _start(self, frame: Frame, pyramid: Pyramid, reason: str = "first frame") -> VisualEstimate:
         self._corners = TrackedCorners()
