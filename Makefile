@@ -2,7 +2,7 @@
 PYTHON ?= python3
 PYTEST ?= $(PYTHON) -m pytest
 
-.PHONY: check lint types layers test slow bench format install demo-drive
+.PHONY: check lint types layers test slow bench format install demo-drive clean-cache
 
 check: lint types layers test
 
@@ -32,6 +32,10 @@ format:
 
 install:
 	$(PYTHON) -m pip install -e '.[dev]'
+
+# numba notices a change of the file that it compiled, but not of another whose functions it calls.
+clean-cache:
+	find src -name '*.nb[ci]' -delete
 
 # The recording in the package that `belie demo` attacks; needs moderngl and EGL.
 DEMO = src/belie/cli/demo_drive.mcap

@@ -41,7 +41,9 @@ def compiled(*, inline: bool = False, reassociate: bool = False) -> Callable[[Fu
     if inline:
         options["inline"] = "always"
     if reassociate:
-        options["fastmath"] = {"reassoc", "contract"}
+        # Made a part of its caller: else a process that compiles calls the first copy of the function, and one that
+        # loads from the cache the copy that was optimised again with the caller, whose sums run in another order.
+        options |= {"fastmath": {"reassoc", "contract"}, "forceinline": True}
 
     def decorate(function: Function) -> Function:
         kernel: Function

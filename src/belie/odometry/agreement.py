@@ -57,5 +57,6 @@ def extent(px: FloatArray, camera: CameraModel) -> float:
     >>> extent(np.column_stack([np.arange(41.0), np.zeros(41)]), camera)
     0.2
     """
-    low, high = np.quantile(px, [0.25, 0.75], axis=0)
+    ordered = np.sort(px, axis=0)
+    low, high = ordered[(len(px) - 1) // 4], ordered[3 * (len(px) - 1) // 4]
     return float(np.max((high - low) / (camera.width, camera.height)))

@@ -9,6 +9,7 @@ which follows the number of corners, stays bounded.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -142,6 +143,42 @@ def _shares(levels: int, settings: FeatureSettings) -> npt.NDArray[np.float64]:
     return np.asarray(weight / weight.sum())
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidates:
+    """Corners of an image before some are chosen, level by level: level pixels (N, 2), scores (N,), best first.
+
+    `thresholds` as in `Features`.
+    """
+
+    levels: tuple[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int64]], ...]
+    thresholds: tuple[float, ...]
+
+
+def find_candidates(
+    pyramid: Sequence[GrayImage], settings: FeatureSettings, previous: Features | None = None
+) -> Candidates:
+    """What `extract_features` chooses from. Most of its work, and it needs nothing but the image."""
+    hints = _NO_POINTS.ravel() if previous is None else previous.thresholds
+    tile_px = max(_SMALLEST_TILE_PX, pyramid[0].shape[1] / settings.tile_columns)
+    levels = []
+    thresholds: list[float] = []
+    for picture, share in zip(pyramid, _shares(len(pyramid), settings), strict=True):
+        found = []
+        area = picture.shape[0] * picture.shape[1]
+        # Even where few are wanted: the threshold is the scene's, not the call's.
+        raw = settings.max_corners * settings.oversampling * share
+        for tile in _tiles(picture.shape, tile_px):
+            hint = float(hints[len(thresholds)]) if len(thresholds) < len(hints) else 0.0
+            part = (tile[1] - tile[0]) * (tile[3] - tile[2]) / area
+            px, following = _fast_adaptive(picture, tile, raw * part, hint, settings)
+            found.append(px)
+            thresholds.append(following)
+        px = np.concatenate(found)
+        scores = corner_scores(picture, px)
+        levels.append((px, scores, np.argsort(-scores, kind="stable")))
+    return Candidates(levels=tuple(levels), thresholds=tuple(thresholds))
+
+
 def extract_features(
     image: GrayImage | Sequence[GrayImage],
     settings: FeatureSettings,
@@ -149,6 +186,7 @@ def extract_features(
     previous: Features | None = None,
     occupied_px: npt.NDArray[np.floating] | None = None,
     max_corners: int | None = None,
+    candidates: Candidates | None = None,
 ) -> Features:
     """Corners of an image, spread evenly, on all levels of its pyramid: ``k_t = Θ(F_t)``, equation (2).
 
@@ -163,6 +201,8 @@ def extract_features(
         Full-resolution pixels near which no corner is wanted (tracks that live).
     max_corners : int or None
         In place of `settings.max_corners`.
+    candidates : Candidates or None
+        Of this image, where somebody has found them already.
 
     Returns
     -------
@@ -179,30 +219,18 @@ def extract_features(
     0
     """
     pyramid = image_pyramid(image, settings) if isinstance(image, np.ndarray) else tuple(image)
+    candidates = candidates or find_candidates(pyramid, settings, previous)
     wanted = settings.max_corners if max_corners is None else max_corners
     occupied = _NO_POINTS if occupied_px is None else np.asarray(occupied_px, dtype=np.float32).reshape(-1, 2)
-    hints = _NO_POINTS.ravel() if previous is None else previous.thresholds
-    tile_px = max(_SMALLEST_TILE_PX, pyramid[0].shape[1] / settings.tile_columns)
     pieces: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]] = []
-    thresholds: list[float] = []
-    for level, (picture, share) in enumerate(zip(pyramid, _shares(len(pyramid), settings), strict=True)):
-        found = []
-        area = picture.shape[0] * picture.shape[1]
-        # Even where few are wanted: the threshold is the scene's, not the call's.
-        raw = settings.max_corners * settings.oversampling * share
-        for tile in _tiles(picture.shape, tile_px):
-            hint = float(hints[len(thresholds)]) if len(thresholds) < len(hints) else 0.0
-            part = (tile[1] - tile[0]) * (tile[3] - tile[2]) / area
-            px, following = _fast_adaptive(picture, tile, raw * part, hint, settings)
-            found.append(px)
-            thresholds.append(following)
+    shares = _shares(len(pyramid), settings)
+    for level, (picture, share, found) in enumerate(zip(pyramid, shares, candidates.levels, strict=True)):
+        px, scores, best_first = found
         scale = settings.scale_factor**level
-        px = np.concatenate(found)
-        scores = corner_scores(picture, px)
         kept = spread_evenly(
             px,
             scores,
-            np.argsort(-scores, kind="stable"),
+            best_first,
             settings.min_score,
             picture.shape[1],
             picture.shape[0],
@@ -218,5 +246,5 @@ def extract_features(
         px=np.concatenate([px for px, _ in pieces]),
         level=np.repeat(np.arange(len(pieces)), [len(px) for px, _ in pieces]),
         score=np.concatenate([score for _, score in pieces]),
-        thresholds=np.array(thresholds),
+        thresholds=np.array(candidates.thresholds),
     )

@@ -16,11 +16,14 @@ pictures and less where many corners are half-way out.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
-from belie.geometry import FloatArray
-from belie.odometry.relative_pose import KERNEL_CHI2, RelativePose, covariance_of
+from belie.geometry import FloatArray, compiled
+from belie.odometry.motion_fit import KERNEL_CHI2, pose_jacobian
+from belie.odometry.relative_pose import RelativePose, covariance_of
 
 _COLUMNS, _ROWS = 4, 3
 _CLUSTERS = _COLUMNS * _ROWS
@@ -83,8 +86,7 @@ class PoseCovariance:
             Of a tracked position, in the same units.
         """
         C, scores, steepness = _information(previous, current, pose, sigma)
-        clusters = _clusters(current)
-        g = np.array([scores[clusters == c].sum(axis=0) for c in range(_CLUSTERS)])
+        g = (np.arange(_CLUSTERS)[:, None] == _clusters(current)).astype(np.float64) @ scores
         among = np.diag(C @ (g.T @ g) @ C) * _CLUSTERS / (_CLUSTERS - 6)
         within = np.diag(C)
         excess = np.array([among[k].sum() / within[k].sum() for k in (_TRANSLATION, _ROTATION)])
@@ -102,42 +104,67 @@ def _information(
     previous: FloatArray, current: FloatArray, pose: RelativePose, sigma: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Covariance (6, 6) by two images alone, the length as the map tells it; scores (N, 6); mean ψ' over mean ψ/r."""
-    R, t, rho = pose.T_cur_prev.R, pose.T_cur_prev.t, pose.inverse_depth
+    t, rho = pose.T_cur_prev.t, pose.inverse_depth
     wide = np.maximum(rho, float(np.median(rho))) ** 2
-    p = np.column_stack([previous, np.ones(len(previous))]) @ R.T + rho[:, None] * t
-    d = np.maximum(p[:, 2], _NEAR)
-    u, v, inv = p[:, 0] / d, p[:, 1] / d, rho / d
-    seen = np.column_stack([u, v])
-    slope = (t[:2] - seen * t[2]) / d[:, None]
-    J = np.zeros((len(u), 2, 6))
-    J[:, 0, 0] = J[:, 1, 1] = inv
-    J[:, 0, 2], J[:, 1, 2] = -u * inv, -v * inv
-    J[:, 0, 3], J[:, 0, 4], J[:, 0, 5] = -u * v, 1.0 + u * u, -v
-    J[:, 1, 3], J[:, 1, 4], J[:, 1, 5] = -(1.0 + v * v), u * v, u
-    gain = wide / (sigma**2 + wide * (slope**2).sum(axis=1))
-    W = (np.eye(2) - gain[:, None, None] * slope[:, :, None] * slope[:, None, :]) / sigma**2
-    JW = (pose.weight[:, None, None] * J.transpose(0, 2, 1)) @ W
-    H = (JW @ J).sum(axis=0)
+    H, scores, steepness = _weighed(
+        np.ascontiguousarray(previous),
+        current,
+        rho,
+        wide,
+        pose.weight,
+        pose.chi2,
+        pose.T_cur_prev.R,
+        t,
+        sigma**2,
+    )
     length = float(np.linalg.norm(t))
     if length > 0.0:
         along = np.concatenate([t / length, np.zeros(3)])
         H = H + np.outer(along, along) / float(along @ pose.covariance @ along)
-    e = current - seen
-    # w = (K / (K + c))² of c = e'We, whose slope is -2 w / (K + c); of d components of e one is along e
-    d = 2.0 - gain * (slope**2).sum(axis=1)
-    c = (e * (W @ e[:, :, None])[:, :, 0]).sum(axis=1)
-    steepness = 1.0 - float(pose.weight @ (4.0 * c / d / (KERNEL_CHI2 + pose.chi2))) / float(
-        pose.weight.sum()
-    )
-    return covariance_of(H), (JW @ e[:, :, None])[:, :, 0], steepness
+    return covariance_of(H), scores, steepness
+
+
+@compiled()
+def _weighed(
+    prev: Any, cur: Any, rho: Any, wide: Any, weight: Any, chi2: Any, R: Any, t: Any, variance: float
+) -> tuple[Any, Any, float]:
+    """Information (6, 6), scores (N, 6) and steepness, the depths `rho` known to a variance of `wide`."""
+    n = prev.shape[0]
+    H, scores, J = np.zeros((6, 6)), np.zeros((n, 6)), np.empty((2, 6))
+    total = flatter = 0.0
+    for i in range(n):
+        x, y, q = prev[i, 0], prev[i, 1], rho[i]
+        z = max(R[2, 0] * x + R[2, 1] * y + R[2, 2] + q * t[2], _NEAR)
+        u = (R[0, 0] * x + R[0, 1] * y + R[0, 2] + q * t[0]) / z
+        v = (R[1, 0] * x + R[1, 1] * y + R[1, 2] + q * t[1]) / z
+        su, sv = (t[0] - u * t[2]) / z, (t[1] - v * t[2]) / z
+        length2 = su * su + sv * sv
+        gain = wide[i] / (variance + wide[i] * length2)
+        eu, ev = cur[i, 0] - u, cur[i, 1] - v
+        along = (su * eu + sv * ev) * gain
+        wu, wv = (eu - su * along) / variance, (ev - sv * along) / variance  # W e
+        # w = (K / (K + c))² of c = e'We, whose slope is -2 w / (K + c); of d components of e one is along e
+        c, d = eu * wu + ev * wv, 2.0 - gain * length2
+        total += weight[i]
+        flatter += weight[i] * 4.0 * c / d / (KERNEL_CHI2 + chi2[i])
+        pose_jacobian(u, v, q / z, J)
+        w = weight[i] / variance
+        for a in range(6):
+            scores[i, a] = weight[i] * (J[0, a] * wu + J[1, a] * wv)
+            h_a = (J[0, a] * su + J[1, a] * sv) * gain
+            ja0, ja1 = (J[0, a] - h_a * su) * w, (J[1, a] - h_a * sv) * w
+            for b in range(6):
+                H[a, b] += ja0 * J[0, b] + ja1 * J[1, b]
+    return H, scores, 1.0 - flatter / total
 
 
 def _clusters(current: FloatArray) -> npt.NDArray[np.int64]:
     """Which of equally populated parts of the image each point lies in, shape (N,)."""
     n = len(current)
-    column = np.argsort(np.argsort(current[:, 0])) * _COLUMNS // n
-    row = np.zeros(n, dtype=np.int64)
-    for c in range(_COLUMNS):
-        inside = np.flatnonzero(column == c)
-        row[inside] = np.argsort(np.argsort(current[inside, 1])) * _ROWS // max(len(inside), 1)
+    column, row = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    column[np.argsort(current[:, 0])] = np.arange(n) * _COLUMNS // n
+    order = np.lexsort((current[:, 1], column))  # column by column, downwards
+    populated = np.bincount(column, minlength=_COLUMNS)
+    place = np.arange(n) - np.repeat(np.cumsum(populated) - populated, populated)
+    row[order] = place * _ROWS // np.repeat(populated, populated)
     return np.asarray(column * _ROWS + row)

@@ -307,7 +307,7 @@ def track(
 
     if len(found) >= _WORTH_A_THREAD and cv2.getNumThreads() > 1:
         half = len(found) // 2
-        other = _second_thread().submit(follow, slice(half, None))
+        other = second_thread().submit(follow, slice(half, None))
         follow(slice(0, half))
         other.result()
     else:
@@ -316,10 +316,10 @@ def track(
 
 
 @cache
-def _second_thread() -> ThreadPoolExecutor:
-    """The one that helps; the kernels hold no lock. As many threads as OpenCV is allowed, but no more than two."""
-    return ThreadPoolExecutor(1, thread_name_prefix="belie-track")
+def second_thread() -> ThreadPoolExecutor:
+    """The one that helps where OpenCV is allowed more than one; the kernels hold no lock."""
+    return ThreadPoolExecutor(1, thread_name_prefix="belie-second")
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_second_thread.cache_clear)  # a forked process has no second thread
+    os.register_at_fork(after_in_child=second_thread.cache_clear)  # a forked process has no second thread

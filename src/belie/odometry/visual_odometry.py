@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future
 from copy import deepcopy
 
 import cv2
@@ -21,13 +22,13 @@ from belie.odometry.agreement import (
     sureness_of,
 )
 from belie.odometry.depth_filter import TrackedCorners
-from belie.odometry.features import FeatureSettings, extract_features
+from belie.odometry.features import Candidates, FeatureSettings, extract_features, find_candidates
 from belie.odometry.first_baseline import UNKNOWN_DEPTH, FirstBaseline, depths_after, first_baseline
 from belie.odometry.image_quality import sensor_noise, why_nothing_is_seen
 from belie.odometry.plane_ambiguity import OtherMotion, evidence_between
 from belie.odometry.pose_covariance import LEAST_CORNERS, PoseCovariance
 from belie.odometry.relative_pose import RelativePose, estimate_relative_pose, robust_cost, straightened
-from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, track
+from belie.odometry.tracking import Pyramid, TrackingSettings, build_pyramid, second_thread, track
 from belie.odometry.two_view import hidden_rotation, relative_pose_from_scratch, rotation_between
 from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
@@ -127,6 +128,7 @@ class VisualOdometry:
         self._corners = TrackedCorners()
         self._pose_covariance = PoseCovariance(self.settings.spread_frames)
         self._last_features: Features | None = None
+        self._search: Future[Candidates] | None = None
         self._unit = 1.0
         self._sigma_px = 0.2
         self._least_eigenvalue = self.tracking.min_eigenvalue
@@ -152,7 +154,7 @@ class VisualOdometry:
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
         pyramid = build_pyramid(self._working_image(frame.image), self.tracking.levels)  # F_t
-        previous_ns = self._stamp_ns
+        previous_ns, self._search = self._stamp_ns, None
         if previous_ns is None:
             return self._start(frame, pyramid)
         interval_ns = frame.stamp_ns - previous_ns
@@ -163,12 +165,17 @@ class VisualOdometry:
         self._keep(verified)
         rays, found, predicted = rays[verified], found[verified], predicted[verified]
         had_scale = self._has_scale
+        if cv2.getNumThreads() > 1 and self._needs_corners(len(found)):  # meanwhile
+            self._search = second_thread().submit(
+                find_candidates, pyramid[: self.features.levels], self.features, self._last_features
+            )
         self._fits_anchor = np.ones(len(rays), dtype=bool)
-        pose = self._optimize(rays, found, interval_ns)  # Θ, (6)
+        current = self._camera.normalize(found)
+        pose = self._optimize(rays, current, interval_ns)  # Θ, (6)
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
             return self._lost(frame, pyramid, tried, len(found))
-        estimate = self._answer(frame, previous_ns, tried, rays, found, predicted, pose, had_scale)
+        estimate = self._answer(frame, previous_ns, tried, rays, found, current, predicted, pose, had_scale)
         self._learn_noise(pose)
         kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
         kept &= (pose.chi2 < _WILD_CHI2) & self._fits_anchor
@@ -251,10 +258,9 @@ class VisualOdometry:
             self._least_eigenvalue = strong
         return found, verified
 
-    def _optimize(self, rays: FloatArray, found: FloatArray, interval_ns: int) -> RelativePose | None:
-        if len(found) < _LEAST_TRACKS:
+    def _optimize(self, rays: FloatArray, current: FloatArray, interval_ns: int) -> RelativePose | None:
+        if len(current) < _LEAST_TRACKS:
             return None
-        current = self._camera.normalize(found)
         sigma = self._sigma_px / self._focal_px
         if not self._has_scale:
             return self._first_baseline(rays, current, sigma)
@@ -363,20 +369,20 @@ class VisualOdometry:
 
     def _answer(
         self, frame: Frame, previous_ns: int, tried: int, rays: FloatArray, found: FloatArray,
-        predicted: FloatArray, pose: RelativePose, had_scale: bool,
+        current: FloatArray, predicted: FloatArray, pose: RelativePose, had_scale: bool,
     ) -> VisualEstimate:  # fmt: skip
         inliers = pose.inliers
         rotated = _project(rays @ pose.T_cur_prev.R.T)
-        parallax = np.linalg.norm(self._camera.normalize(found) - rotated, axis=1)[inliers] * self._focal_px
+        parallax = np.linalg.norm(current - rotated, axis=1)[inliers] * self._focal_px
         typical_px = float(np.median(parallax)) if len(parallax) else 0.0
         # Errors of calibration grow with the way that a corner went, and neighbours share them.
-        way = float(np.median(np.linalg.norm(found - self._camera.project(rays), axis=1)))
+        way = float(np.median(np.linalg.norm(found - self._corners.px, axis=1)))
         shared = 1.0 + (self.settings.calibration_error * way / self._sigma_px) ** 2
         agreed = agreement(pose)
         sureness = sureness_of(agreed)
         covariance = pose.covariance
         if had_scale:
-            current, sigma = self._camera.normalize(found), self._sigma_px / self._focal_px
+            sigma = self._sigma_px / self._focal_px
             covariance = self._pose_covariance.update(rays[:, :2], current, pose, sigma)
             depth = 1.0 / max(float(np.median(pose.inverse_depth)), 1e-9)
             bias = self.settings.tracking_bias_px / self._focal_px * depth
@@ -436,11 +442,11 @@ class VisualOdometry:
     def _take(self, frame: Frame, pyramid: Pyramid) -> None:
         """Keep the image, and follow new corners where the old ones have left."""
         corners = self._corners
-        missing = self.settings.corners - len(corners)
-        if missing > self.settings.corners // 10:
+        if self._needs_corners(len(corners)):
             self._last_features = extract_features(
                 pyramid[: self.features.levels], self.features, previous=self._last_features,
-                occupied_px=corners.px, max_corners=missing,
+                occupied_px=corners.px, max_corners=self.settings.corners - len(corners),
+                candidates=None if self._search is None else self._search.result(),
             )  # fmt: skip
             fresh = self._last_features.px.astype(np.float64)
             # Beyond, the last step shows no parallax: who is there might as well be at infinity.
@@ -452,6 +458,9 @@ class VisualOdometry:
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
+
+    def _needs_corners(self, followed: int) -> bool:
+        return self.settings.corners - followed > self.settings.corners // 10
 
     def _start(self, frame: Frame, pyramid: Pyramid, reason: str = "first frame") -> VisualEstimate:
         self._corners = TrackedCorners()
