@@ -456,6 +456,7 @@ class VisualOdometry:
             for followed in (corners, *(() if self._other is None else (self._other.corners,))):
                 followed.add(fresh, max(followed.typical_inverse_depth(), farthest))
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
+        self._search = None
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
 
