@@ -72,15 +72,14 @@ class SceneWitness:
         # The same picture seen twice is no second witness, neither of the ground nor of what stands on it.
         self._parallax_px += self._parallax_of(estimate, scene)
         self._has_moved = self._parallax_px >= _SIGMA_PX
-        if not self._has_moved:
-            return
-        self._parallax_px = 0.0
-        seen = ground_plane(*scene)
-        if seen is not None:
-            self._grounds.append(seen.coefficients)
-            self._ground_frame = self.frame
-            if len(self._grounds) >= _LEAST_GROUNDS:
-                self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
+        if self._has_moved:
+            self._parallax_px = 0.0
+            seen = ground_plane(*scene)
+            if seen is not None:
+                self._grounds.append(seen.coefficients)
+                self._ground_frame = self.frame
+                if len(self._grounds) >= _LEAST_GROUNDS:
+                    self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
     def evidence(self, track: ObjectTrack) -> tuple[float | None, float | None]:

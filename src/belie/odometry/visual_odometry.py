@@ -34,7 +34,6 @@ from belie.types import Frame, GrayImage, Settings, VisualEstimate
 from belie.types.features import Features
 
 _ENOUGH = 3 * LEAST_CORNERS  # followed corners: traffic may take two thirds of them
-_PLENTY = 3 * _ENOUGH
 # Least eigenvalue of a weak corner, in variances of the image's noise, which by itself makes half of one: of the
 # structure an eighth is noise, and pulls a corner by no more than that share of its way from where it was expected.
 _WEAK = 4.0
@@ -131,7 +130,6 @@ class VisualOdometry:
         self._search: Future[Candidates] | None = None
         self._unit = 1.0
         self._sigma_px = 0.2
-        self._least_eigenvalue = self.tracking.min_eigenvalue
         self._forget_motion()
 
     def _begin_anew(self) -> None:
@@ -148,6 +146,7 @@ class VisualOdometry:
         self._stamp_ns: int | None = None
         self._has_scale = False
         self._anchor = np.empty((0, 2))
+        self._strong = np.empty(0, dtype=bool)
         self._other: OtherMotion | None = None
         self._confirmed = 0
 
@@ -205,8 +204,8 @@ class VisualOdometry:
         None while two motions stand, and with them two depths for each; nor of weak corners, whose depths creep.
         """
         deviation = np.sqrt(self._corners.variance)
-        weak = self._least_eigenvalue < self.tracking.min_eigenvalue
-        known = deviation < (0.0 if self._other or weak else 0.2) * self._corners.inverse_depth
+        known = deviation < (0.2 if self._other is None else 0.0) * self._corners.inverse_depth
+        known &= self._strong
         xy = self._camera.normalize(self._corners.px[known])
         return np.asarray(xy).reshape(-1, 2), self._corners.inverse_depth[known], deviation[known]
 
@@ -217,6 +216,7 @@ class VisualOdometry:
     def _keep(self, chosen: npt.NDArray[np.bool_]) -> None:
         self._corners.keep(chosen)
         self._anchor = self._anchor[chosen]
+        self._strong = self._strong[chosen]
         if self._other is not None:
             self._other.corners.keep(chosen)
 
@@ -240,23 +240,16 @@ class VisualOdometry:
         return self._camera.project(points)
 
     def _track(self, pyramid: Pyramid, predicted: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Follow strong corners where there are enough of them, weak ones too where fog leaves nothing else."""
-        corners, strong = self._corners.px, self.tracking.min_eigenvalue
+        """Follow strong corners; weak ones too in an image that leaves too few of them, as fog does."""
 
-        def follow() -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-            return track(
-                self._pyramid, pyramid, corners, predicted, self.tracking, _HARRIS, self._least_eigenvalue
-            )
+        def follow(least: float) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+            return track(self._pyramid, pyramid, self._corners.px, predicted, self.tracking, _HARRIS, least)
 
-        found, verified = follow()
-        if np.count_nonzero(verified) < _ENOUGH:
-            least = min(_WEAK * sensor_noise(pyramid[0]) ** 2, strong)
-            if least < self._least_eigenvalue:
-                self._least_eigenvalue = least
-                found, verified = follow()
-        elif np.count_nonzero(verified) > _PLENTY:
-            self._least_eigenvalue = strong
-        return found, verified
+        found, self._strong = follow(self.tracking.min_eigenvalue)
+        if np.count_nonzero(self._strong) >= _ENOUGH:
+            return found, self._strong
+        weak = _WEAK * sensor_noise(pyramid[0]) ** 2
+        return follow(weak) if weak < self.tracking.min_eigenvalue else (found, self._strong)
 
     def _optimize(self, rays: FloatArray, current: FloatArray, interval_ns: int) -> RelativePose | None:
         if len(current) < _LEAST_TRACKS:
@@ -456,6 +449,7 @@ class VisualOdometry:
             for followed in (corners, *(() if self._other is None else (self._other.corners,))):
                 followed.add(fresh, max(followed.typical_inverse_depth(), farthest))
             self._anchor = np.concatenate([self._anchor, self._camera.normalize(fresh)])
+            self._strong = np.concatenate([self._strong, np.zeros(len(fresh), dtype=bool)])
         self._search = None
         self._pyramid = pyramid
         self._stamp_ns = frame.stamp_ns
@@ -466,6 +460,7 @@ class VisualOdometry:
     def _start(self, frame: Frame, pyramid: Pyramid, reason: str = "first frame") -> VisualEstimate:
         self._corners = TrackedCorners()
         self._anchor = np.empty((0, 2))
+        self._strong = np.empty(0, dtype=bool)
         self._take(frame, pyramid)
         nothing = why_nothing_is_seen(pyramid[0], len(self._corners))
         return self._nothing(frame, nothing or reason, len(self._corners), 0)
