@@ -41,8 +41,8 @@ class TrackingSettings(Settings):
     min_eigenvalue: float = Field(
         4.0, ge=0.0,
         description="least eigenvalue of the structure tensor, a pixel's mean [gray²/px²]; sensor noise of 2 gray "
-        "levels alone gives 2. Less where that leaves too few corners: eight times what the image's own noise gives for the "
-        "camera's motion, twice that on objects",
+        "levels alone gives 2. Less where that leaves too few corners: eight times what the image's noise gives for "
+        "the camera's motion, twice that on objects",
     )  # fmt: skip
 
 
