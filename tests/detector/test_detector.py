@@ -243,3 +243,55 @@ def test_a_lie_of_the_odometry_told_in_the_dark_is_not_laid_on_the_position(kitt
             break
     assert not [a for a in accused if a[1] == "position_spoofing"]
     assert any("or the odometry lies" in reason for reason in reasons)
+
+
+def lying_behind_a_gap(recording, dropped, lie_m, source="/odom"):
+    """The recording without the claims of the frames `dropped`; from the first of them on the pose is off by `lie_m`."""
+    for i, step in enumerate(recording.steps()):
+        claims = []
+        for claim in step.claims:
+            if claim.source == source and i in dropped:
+                continue
+            if claim.source == source and i > min(dropped):
+                T = claim.T_odom_body
+                claim = replace(claim, T_odom_body=SE3(T.R, T.t + [lie_m, 0.0, 0.0]))
+            claims.append(claim)
+        yield replace(step, claims=tuple(claims))
+
+
+@pytest.mark.parametrize(
+    ("dropped", "lie_m"),
+    [((60,), 3.0), ((60, 61), 3.0), (tuple(range(60, 64)), 3.0), (tuple(range(50, 85)), 30.0)],
+)
+def test_a_lie_behind_messages_that_are_left_out_is_seen(kitti00, dropped, lie_m):
+    detector, found = Detector(kitti00.cameras), []
+    for i, step in enumerate(lying_behind_a_gap(kitti00, dropped, lie_m)):
+        found += [(i, a.source) for a in detector.update(step.frame, step.claims).alerts]
+        if i == max(dropped) + 5:
+            break
+    assert found
+    assert {source for _, source in found} == {"/odom"}
+    assert found[0][0] <= max(dropped) + 3
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_messages_that_are_left_out_accuse_nobody(kitti00, every):
+    detector = Detector(kitti00.cameras)
+    for i, step in enumerate(lying_behind_a_gap(kitti00, set(range(3, 200, every)), 0.0)):
+        assert not detector.update(step.frame, step.claims).alerts
+        if i == 150:
+            break
+
+
+def test_a_claim_that_no_robot_could_mean_is_contradicted(kitti00):
+    detector, found = Detector(kitti00.cameras), []
+    for i, step in enumerate(kitti00.steps()):
+        claims = step.claims
+        if i >= 60:
+            far = SE3.from_translation([1e300, 0.0, 0.0])
+            claims = tuple(replace(c, T_odom_body=far) if c.source == "/odom" else c for c in claims)
+        found += [(i, a.source) for a in detector.update(step.frame, claims).alerts]
+        if i == 64:
+            break
+    assert found
+    assert found[0] == (60, "/odom")

@@ -154,13 +154,20 @@ class OdometryCheck:
         names = ("x", "y", "z", "pitch", "yaw", "roll")
         return dict(zip(names, self.test.scales()[:6].tolist(), strict=True))
 
-    def update(self, estimate: VisualEstimate, T_prev_cur: SE3 | None) -> CheckResult:
-        """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval."""
+    def update(
+        self, estimate: VisualEstimate, T_prev_cur: SE3 | None, *, over_gap: bool = False
+    ) -> CheckResult:
+        """Compare the claimed motion of the camera ``T_prev_cur`` with the visual one of the same interval.
+
+        Where the interval spans a gap in the claims, `over_gap`, some of it may have been judged by itself already:
+        only a jump counts, and nothing is learned.
+        """
         self.evidence = self.floor_m_s = None
         interval_s = (estimate.stamp_ns - estimate.previous_stamp_ns) * 1e-9
-        if estimate.inliers > 0 and interval_s > 0.0:
+        if estimate.inliers > 0 and interval_s > 0.0 and not over_gap:
             self._predict(estimate, interval_s)
-        if T_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0:
+        unscaled = self._scale.log_m is None or self._scale.map_id != estimate.map_id
+        if T_prev_cur is None or estimate.inliers == 0 or interval_s <= 0.0 or (over_gap and unscaled):
             reason = (
                 estimate.reason if estimate.inliers == 0 and estimate.reason else "no claim for this frame"
             )
@@ -178,6 +185,8 @@ class OdometryCheck:
         tested = np.array([translates] * 3 + [*self._turned_about(T_prev_cur)] + [translates and directed])
         along = np.zeros((1, 6))
         along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+        if over_gap and not self.test.is_jump(r, H, noise, tested, along):
+            return self._undecided("a gap in the claims: only a jump behind it would show")
         evidence = self.test.update(
             r, H, noise, estimate.stamp_ns, interval_s, tested, along, still=estimate.is_still
         )

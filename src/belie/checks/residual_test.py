@@ -91,17 +91,8 @@ class ResidualTest:
         """
         self._interval_s = interval_s
         m = len(r)
-        view = np.eye(m) if directions is None else np.concatenate([np.eye(m), directions])
-        plain, S_plain = self.errors.innovation(r, H, noise)
-        innovation, S, noise = view @ plain, view @ S_plain @ view.T, view @ noise @ view.T
-        scale = self._scale.value
-        scaled = S + np.outer(scale, scale) * noise - noise
+        plain, scaled, innovation, S, noise, x = self._standardised(r, H, noise, tested, directions)
         self.sigma = np.sqrt(np.diag(scaled))
-        x = (innovation - self._scale.offset * np.sqrt(np.diag(S))) / self.sigma
-        x = np.nan_to_num(np.clip(x, -_ABSURD, _ABSURD), nan=_ABSURD)
-        if tested is not None:
-            x = np.where(tested, x, 0.0)
-        x = self._gross(x, plain, scaled[:m, :m], tested)
         white = (x - self._scale.correlation * self._previous) / np.sqrt(1.0 - self._scale.correlation**2)
         evidence = self._bank.update(white, stamp_ns, interval_s, self.missing_frames > 0)
         self._previous = np.clip(x, -_FORETELLS, _FORETELLS)
@@ -114,6 +105,40 @@ class ResidualTest:
                 self._scale.learn(innovation / np.sqrt(np.diag(S)), tested, settled)
             self.errors.learn(plain, scaled[:m, :m], H, self._bank.calm)
         return evidence
+
+    def is_jump(
+        self,
+        r: FloatArray,
+        H: FloatArray,
+        noise: FloatArray,
+        tested: npt.NDArray[np.bool_] | None = None,
+        directions: FloatArray | None = None,
+    ) -> bool:
+        """Whether a residual by itself, without all that has been seen before, would be a contradiction."""
+        *_, x = self._standardised(r, H, noise, tested, directions)
+        return float(np.abs(x).max()) > self._jump_sigma
+
+    def _standardised(
+        self,
+        r: FloatArray,
+        H: FloatArray,
+        noise: FloatArray,
+        tested: npt.NDArray[np.bool_] | None,
+        directions: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Innovation (m,), and along all that is tested: scaled covariance, innovation, its model, noise, score."""
+        m = len(r)
+        view = np.eye(m) if directions is None else np.concatenate([np.eye(m), directions])
+        plain, S_plain = self.errors.innovation(r, H, noise)
+        innovation, S, noise = view @ plain, view @ S_plain @ view.T, view @ noise @ view.T
+        scale = self._scale.value
+        scaled = S + np.outer(scale, scale) * noise - noise
+        sigma = np.sqrt(np.diag(scaled))
+        x = (innovation - self._scale.offset * np.sqrt(np.diag(S))) / sigma
+        x = np.nan_to_num(np.clip(x, -_ABSURD, _ABSURD), nan=_ABSURD)
+        if tested is not None:
+            x = np.where(tested, x, 0.0)
+        return plain, scaled, innovation, S, noise, self._gross(x, plain, scaled[:m, :m], tested)
 
     def _gross(
         self, x: FloatArray, r: FloatArray, S: FloatArray, tested: npt.NDArray[np.bool_] | None

@@ -19,6 +19,7 @@ from belie.geometry import SE3, FloatArray, so3_exp
 from belie.types import MotionClaim
 
 _KEPT_NS = 3_000_000_000
+_KEPT = 20  # messages more, so that those before a long gap are still there after it
 LONGEST_GAP_NS = 150_000_000  # between two messages: a vehicle's turn bends more than noise over longer ones
 
 
@@ -42,7 +43,7 @@ class ClaimBuffer(Generic[_Claim]):
         return len(self._claims)
 
     def add(self, claim: _Claim) -> None:
-        """Sort a claim in; what is more than three seconds older than the newest is forgotten."""
+        """Sort a claim in; what is more than three seconds older than the newest is forgotten, but for a few."""
         i = bisect_left(self._claims, claim.stamp_ns, key=_by_stamp)
         if i < len(self._claims) and self._claims[i].stamp_ns == claim.stamp_ns:
             self._claims[i] = claim
@@ -50,7 +51,7 @@ class ClaimBuffer(Generic[_Claim]):
             insort(self._claims, claim, key=_by_stamp)
         oldest = self._claims[-1].stamp_ns - _KEPT_NS
         if self._claims[0].stamp_ns < oldest:
-            del self._claims[: bisect_left(self._claims, oldest, key=_by_stamp)]
+            del self._claims[: max(bisect_left(self._claims, oldest, key=_by_stamp) - _KEPT, 0)]
 
     def newest(self) -> _Claim | None:
         """The message with the latest stamp, or None."""

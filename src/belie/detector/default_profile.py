@@ -20,6 +20,7 @@ from belie.detector.config import Config
 from belie.detector.eyes import Eyes
 from belie.detector.object_view import ObjectView
 from belie.detector.objects import ObjectStage
+from belie.detector.seen_path import SeenPath
 from belie.detector.streams import StreamKey, Streams
 from belie.detector.trajectory import TrustedTrajectory
 from belie.geometry import SE3
@@ -59,6 +60,7 @@ class DefaultProfile:
         self._waited: dict[str, int] = {}
         self._last_positions: dict[str, tuple[int, CheckResult]] = {}
         self._flow_px_per_m = 0.0
+        self._path = SeenPath()
         self._last_ns: int | None = None
         self._looked_at: tuple[Frame, bool, VisualEstimate | None] | None = None
         self.estimate: VisualEstimate | None = None
@@ -109,6 +111,7 @@ class DefaultProfile:
         judgements = [Judgement(result=seen, onset_ns=self._camera_check.onset_ns)]
         if estimate is None or self._must_withhold(seen):
             judgements += self._withhold(f"not judged: {seen.reason}")
+            self._path.add(None)
             self._note_blindness(frame, motions, judged=False)
             self._follow(frame, None)
             if estimate is None or seen.status is Status.CONTRADICTED:
@@ -116,6 +119,7 @@ class DefaultProfile:
                 for source in self._position_checks:
                     self._streams.due_positions(source, frame.stamp_ns)
         else:
+            self._path.add(estimate)
             judgements += [self._judge(key, T, estimate) for key, T in motions.items()]
             self._note_blindness(frame, motions, judged=True)
             self._follow(frame, estimate)
@@ -266,10 +270,24 @@ class DefaultProfile:
         if isinstance(check, ImuCheck):
             result = check.update(estimate, None if T_prev_cur is None else T_prev_cur.R)
         else:
-            result = check.update(estimate, T_prev_cur)
+            since, T_since = estimate, T_prev_cur
+            if T_prev_cur is None and key[0] == "odometry":
+                since, T_since = self._over_gap(key[1], estimate)
+            result = check.update(since, T_since, over_gap=T_since is not T_prev_cur)
             if result.status is Status.CONSISTENT and T_prev_cur is not None:
                 self._learn_flow(estimate, T_prev_cur)
         return Judgement(result=result, onset_ns=check.evidence.onset_ns if check.evidence else None)
+
+    def _over_gap(self, source: str, estimate: VisualEstimate) -> tuple[VisualEstimate, SE3 | None]:
+        """What was seen, and what a pose stream claims, since the last frame before a gap in its messages."""
+        if self._streams.pose(source, estimate.stamp_ns) is not None:
+            for since in self._path.stretches(estimate):
+                T_since = self._streams.pose_motion(
+                    source, since.previous_stamp_ns, estimate.stamp_ns, self._camera.T_body_cam
+                )
+                if T_since is not None:
+                    return since, T_since
+        return estimate, None
 
     def _follow(self, frame: Frame, estimate: VisualEstimate | None) -> None:
         """Extend the trusted trajectory: by the odometry's step while it is believed, else by the camera's."""

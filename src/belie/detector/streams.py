@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -38,12 +38,16 @@ class Streams:
     odom_frame: str = ""
 
     def take(self, claims: Iterable[Claim], now_ns: int) -> None:
-        """Sort new claims into their buffers; those that cannot be true of any robot or time are left out."""
-        for claim in claims:
-            if isinstance(claim, DetectionClaim):
+        """Sort new claims into their buffers; those that cannot be true of any time are left out.
+
+        Those that cannot be true of any robot are kept, as large as numbers allow: to be contradicted.
+        """
+        for told in claims:
+            if isinstance(told, DetectionClaim):
                 continue  # what stands around the robot says nothing of its motion
-            if claim.stamp_ns - now_ns > _MOST_AHEAD_NS or not _is_physical(claim):
+            if told.stamp_ns - now_ns > _MOST_AHEAD_NS:
                 continue
+            claim = _bounded(told)
             if isinstance(claim, PoseClaim):
                 self.odom_frame = self.odom_frame or claim.frame_id
                 self.poses.setdefault(claim.source, ClaimBuffer()).add(claim)
@@ -56,17 +60,26 @@ class Streams:
         """All streams that claim a motion."""
         return [*(("odometry", source) for source in self.poses), *self.rates]
 
-    def odometry_pose(self, stamp_ns: int) -> SE3 | None:
-        """``T_odom_body`` of the first odometry stream at `stamp_ns`."""
-        source = next(iter(self.poses), None)
-        return None if source is None else pose_at(self.poses[source], stamp_ns)
+    def pose(self, source: str, stamp_ns: int) -> SE3 | None:
+        """``T_odom_body`` of a pose stream at `stamp_ns`."""
+        return pose_at(self.poses[source], stamp_ns)
 
-    def odometry_motion(self, start_ns: int, stop_ns: int, T_body_cam: SE3) -> SE3 | None:
-        """The camera's motion between two stamps, as the first odometry stream claims it, or None."""
-        before, after = self.odometry_pose(start_ns), self.odometry_pose(stop_ns)
+    def pose_motion(self, source: str, start_ns: int, stop_ns: int, T_body_cam: SE3) -> SE3 | None:
+        """The camera's motion between two stamps, as a pose stream claims it, or None."""
+        before, after = self.pose(source, start_ns), self.pose(source, stop_ns)
         if before is None or after is None:
             return None
         return T_body_cam.inverse() @ before.inverse() @ after @ T_body_cam
+
+    def odometry_pose(self, stamp_ns: int) -> SE3 | None:
+        """``T_odom_body`` of the first odometry stream at `stamp_ns`."""
+        source = next(iter(self.poses), None)
+        return None if source is None else self.pose(source, stamp_ns)
+
+    def odometry_motion(self, start_ns: int, stop_ns: int, T_body_cam: SE3) -> SE3 | None:
+        """The same as the first odometry stream claims it."""
+        source = next(iter(self.poses), None)
+        return None if source is None else self.pose_motion(source, start_ns, stop_ns, T_body_cam)
 
     def motions(self, start_ns: int | None, stop_ns: int, T_body_cam: SE3) -> dict[StreamKey, SE3 | None]:
         """The camera's motion ``T_prev_cur`` between two stamps, as each stream claims it; None where it does not.
@@ -103,11 +116,19 @@ class Streams:
         return due
 
 
-def _is_physical(claim: PoseClaim | MotionClaim | PositionClaim) -> bool:
-    """Whether a claim lies within what any robot on Earth could mean; numbers beyond overflow what follows."""
+def _bounded(claim: PoseClaim | MotionClaim | PositionClaim) -> PoseClaim | MotionClaim | PositionClaim:
+    """The claim, no farther and no faster than any robot on Earth could be: larger numbers overflow what follows."""
     if isinstance(claim, PoseClaim):
-        return float(np.abs(claim.T_odom_body.t).max()) < _FARTHEST_M
+        T = claim.T_odom_body
+        if float(np.abs(T.t).max()) <= _FARTHEST_M:
+            return claim
+        return replace(claim, T_odom_body=SE3(T.R, np.clip(T.t, -_FARTHEST_M, _FARTHEST_M)))
     if isinstance(claim, PositionClaim):
-        return float(np.abs(claim.position_m).max()) < _FARTHEST_M
-    rates = [rate for rate in (claim.linear_m_s, claim.angular_rad_s) if rate is not None]
-    return all(float(np.abs(rate).max()) < _FASTEST for rate in rates)
+        if float(np.abs(claim.position_m).max()) <= _FARTHEST_M:
+            return claim
+        return replace(claim, position_m=np.clip(claim.position_m, -_FARTHEST_M, _FARTHEST_M))
+    linear, angular = (
+        None if rate is None else np.clip(rate, -_FASTEST, _FASTEST)
+        for rate in (claim.linear_m_s, claim.angular_rad_s)
+    )
+    return replace(claim, linear_m_s=linear, angular_rad_s=angular)
