@@ -53,6 +53,12 @@ def test_unknown_commands_are_one_line():
     assert "check" in done.stderr
 
 
+def test_without_a_command_the_help_is_shown():
+    done = belie()
+    assert done.returncode == 2
+    assert "Commands:" in done.stderr.splitlines()
+
+
 def test_a_reader_that_leaves_early_is_no_error(drive):
     with subprocess.Popen(
         [*BELIE, "check", str(drive), "--json", "-"],

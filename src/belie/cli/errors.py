@@ -86,6 +86,9 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
         print("belie: interrupted", file=sys.stderr)
         return INTERRUPTED
+    if type(error).__name__ == "NoArgsIsHelpError":  # a command without a word more: its message is the help
+        print(getattr(error, "message", error), file=sys.stderr)
+        return BAD_INPUT
     print(f"belie: error: {' '.join(_text_of(error).split())}", file=sys.stderr)
     return BAD_INPUT
 
