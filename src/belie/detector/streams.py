@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from belie.detector.claim_buffer import ClaimBuffer, motion_between, pose_at
-from belie.geometry import SE3
+from belie.geometry import SE3, FloatArray
 from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
 
 MotionCheck = Literal["odometry", "twist", "imu"]
@@ -119,16 +119,19 @@ class Streams:
 def _bounded(claim: PoseClaim | MotionClaim | PositionClaim) -> PoseClaim | MotionClaim | PositionClaim:
     """The claim, no farther and no faster than any robot on Earth could be: larger numbers overflow what follows."""
     if isinstance(claim, PoseClaim):
-        T = claim.T_odom_body
-        if float(np.abs(T.t).max()) <= _FARTHEST_M:
-            return claim
-        return replace(claim, T_odom_body=SE3(T.R, np.clip(T.t, -_FARTHEST_M, _FARTHEST_M)))
+        R, t = claim.T_odom_body.R, claim.T_odom_body.t
+        near = _clipped(t, _FARTHEST_M)
+        return claim if near is t else replace(claim, T_odom_body=SE3(R, near))
     if isinstance(claim, PositionClaim):
-        if float(np.abs(claim.position_m).max()) <= _FARTHEST_M:
-            return claim
-        return replace(claim, position_m=np.clip(claim.position_m, -_FARTHEST_M, _FARTHEST_M))
-    linear, angular = (
-        None if rate is None else np.clip(rate, -_FASTEST, _FASTEST)
-        for rate in (claim.linear_m_s, claim.angular_rad_s)
-    )
+        position_m = _clipped(claim.position_m, _FARTHEST_M)
+        return claim if position_m is claim.position_m else replace(claim, position_m=position_m)
+    rates = claim.linear_m_s, claim.angular_rad_s
+    linear, angular = (None if rate is None else _clipped(rate, _FASTEST) for rate in rates)
+    if linear is claim.linear_m_s and angular is claim.angular_rad_s:
+        return claim
     return replace(claim, linear_m_s=linear, angular_rad_s=angular)
+
+
+def _clipped(values: FloatArray, most: float) -> FloatArray:
+    """The very same array where nothing in it is larger than `most`."""
+    return values if float(np.abs(values).max()) <= most else np.clip(values, -most, most)
