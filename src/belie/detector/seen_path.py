@@ -33,19 +33,13 @@ class SeenPath:
 
     def add(self, estimate: VisualEstimate | None) -> None:
         """Go one frame further; where the camera does not vouch for a step, the path begins anew."""
-        vouched = estimate is not None and estimate.reason is None and estimate.inliers > 0
-        if (
-            estimate is None
-            or not vouched
-            or (
-                self._steps
-                and (estimate.previous_stamp_ns, estimate.map_id) != (self._stamp_ns, self._map_id)
-            )
-        ):
+        if estimate is None or estimate.reason is not None or estimate.inliers == 0:
             self._steps.clear()
-        if estimate is not None and vouched:
-            self._steps.append(_Step(estimate.previous_stamp_ns, estimate.T_prev_cur, estimate.covariance))
-            self._map_id, self._stamp_ns = estimate.map_id, estimate.stamp_ns
+            return
+        if (estimate.previous_stamp_ns, estimate.map_id) != (self._stamp_ns, self._map_id):
+            self._steps.clear()
+        self._steps.append(_Step(estimate.previous_stamp_ns, estimate.T_prev_cur, estimate.covariance))
+        self._map_id, self._stamp_ns = estimate.map_id, estimate.stamp_ns
 
     def stretches(self, latest: VisualEstimate) -> Iterator[VisualEstimate]:
         """The motion to the latest frame from each frame before the last, the nearest first.
