@@ -105,7 +105,7 @@ class Habit:
         if after_error:
             hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
             itself = self._lasts(own, interval_s)
-        return _bounded(1.0 - (1.0 - itself) * (1.0 - hard) * (1.0 - covered))
+        return min(1.0 - (1.0 - itself) * (1.0 - hard) * (1.0 - covered), _MOST)
 
     def shortest_run(self, interval_s: float, threshold: float) -> int:
         """Messages in error in a row that accuse a large object of which nothing is known yet; at most 1000.
@@ -138,7 +138,9 @@ class Habit:
         s, n = self.stream, self.prior_messages
         stream = (s.begun + n * self.rate) / (s.begun + s.right + n)
         m = n * _OBJECT_WEIGHT
-        return _bounded((own.begun + m * stream) / (own.begun + own.right + m))
+        begins = (own.begun + m * stream) / (own.begun + own.right + m)
+        # What was expected of it needs no proof: a detector may be stated to be better than the least.
+        return min(max(begins, min(_LEAST, self.rate)), _MOST)
 
     def _lasts(self, own: Counts, interval_s: float) -> float:
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
