@@ -39,9 +39,10 @@ class PaperProfile:
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge the first odometry stream, every position stream and every detector at this frame."""
+        gap_ns = self._config.streams.longest_gap_ns
         for claim in claims:
             if isinstance(claim, PoseClaim):
-                self._poses.setdefault(claim.source, ClaimBuffer()).add(claim)
+                self._poses.setdefault(claim.source, ClaimBuffer(gap_ns)).add(claim)
             elif isinstance(claim, PositionClaim):
                 self._positions.setdefault(claim.source, []).append(claim)
             elif isinstance(claim, DetectionClaim):
