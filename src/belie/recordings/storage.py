@@ -25,8 +25,8 @@ BagFormat = Literal["ros2-mcap", "ros2-sqlite3", "ros1"]
 
 _LONGEST = 160
 _MENDING: dict[str, str] = {
-    "ros2-mcap": "if it was cut short, mend it with `mcap recover {name} -o mended.mcap`",
-    "ros2-sqlite3": "if it was cut short, mend it with `sqlite3 {name} .recover | sqlite3 mended.db3`",
+    "ros2-mcap": "if it was cut short or damaged, mend it with `mcap recover {name} -o mended.mcap`",
+    "ros2-sqlite3": "if it was cut short or damaged, mend it with `sqlite3 {name} .recover | sqlite3 mended.db3`",
     "ros1": "if it was cut short, mend it with `rosbag reindex {name}`",
 }
 # What each format needs for its first header and its end, before there is a message [bytes].
