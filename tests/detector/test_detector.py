@@ -289,8 +289,9 @@ def five_hz(recording):
         yield replace(step, claims=tuple(poses))
 
 
-def test_a_slow_odometry_is_undecided_and_the_reason_names_the_setting(kitti00):
-    detector = Detector(kitti00.cameras)
+@pytest.mark.parametrize("profile", ["default", "paper"])
+def test_a_slow_odometry_is_undecided_and_the_reason_names_the_setting(kitti00, profile):
+    detector = Detector(kitti00.cameras, Config(profile=profile))
     for i, step in enumerate(five_hz(kitti00)):
         verdict = detector.update(step.frame, step.claims)
         if i == 40:

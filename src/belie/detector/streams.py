@@ -124,14 +124,7 @@ class Streams:
     def why_unknown(self, key: StreamKey) -> str | None:
         """Why no motion of a stream is ever known, where its messages are too far apart; else None."""
         check, source = key
-        period_ns = (self.poses[source] if check == "odometry" else self.rates[key]).period_ns()
-        if period_ns is None or period_ns <= self.settings.longest_gap_ns:
-            return None
-        apart = f"claims are {period_ns * 1e-6:.0f} ms apart"
-        enough_s = min(_MOST_GAP_S, math.ceil(period_ns * 1.2e-7) * 1e-2)
-        if period_ns * 1e-9 > enough_s:
-            return f"{apart}: too far to tell the motion in between"
-        return f"{apart}, more than {self.settings.longest_gap_s:g} s: set streams.longest_gap_s = {enough_s:.2f}"
+        return too_seldom(self.poses[source] if check == "odometry" else self.rates[key])
 
     def _body_motion(self, key: StreamKey, start_ns: int, stop_ns: int) -> SE3 | None:
         check, source = key
@@ -152,6 +145,23 @@ class Streams:
         due = [claim for claim in waiting if claim.stamp_ns <= stamp_ns]
         self.positions[source] = waiting[len(due) :]
         return due
+
+
+def too_seldom(buffer: ClaimBuffer[PoseClaim] | ClaimBuffer[MotionClaim]) -> str | None:
+    """That a stream's messages are too far apart to interpolate, and what to set; None where they are not.
+
+    >>> too_seldom(ClaimBuffer())
+    """
+    period_ns = buffer.period_ns()
+    if period_ns is None or period_ns <= buffer.longest_gap_ns:
+        return None
+    apart = f"claims are {period_ns * 1e-6:.0f} ms apart"
+    enough_s = min(_MOST_GAP_S, math.ceil(period_ns * 1.2e-7) * 1e-2)
+    if period_ns * 1e-9 > enough_s:
+        return f"{apart}: too far to tell the motion in between"
+    return (
+        f"{apart}, more than {buffer.longest_gap_ns * 1e-9:g} s: set streams.longest_gap_s = {enough_s:.2f}"
+    )
 
 
 def _bounded(claim: PoseClaim | MotionClaim | PositionClaim) -> PoseClaim | MotionClaim | PositionClaim:
