@@ -122,6 +122,34 @@ def test_bad_input_is_one_line_and_exit_2(run, drive, arguments, expected):
     assert expected in result.stderr
 
 
+def test_a_missing_file_of_detections_is_no_topic(run, attacked):
+    for named, said in (("boxes.txt", "file"), ("labels/boxes", "file"), ("/boxes", "topic")):
+        result = run("check", attacked, "--detections", named)
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+        assert f"--detections {named}: no such {said}" in result.stderr
+
+
+def test_what_damage_took_is_told_in_one_line(run, tmp_path, drive, attacked):
+    data = attacked.read_bytes()
+    at = data.index(b"IDAT", len(data) // 2) + 40
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data[:at] + bytes(byte ^ 0xFF for byte in data[at : at + 500]) + data[at + 500 :])
+    said = f"belie: warning: {damaged} is damaged: 1 of 90 messages of /image_0 cannot be decoded"
+    copy = tmp_path / "copy.mcap"
+    for arguments in (["check", damaged], ["attack", damaged, "odometry-freeze:start=70", "-o", copy]):
+        result = run(*arguments)
+        assert result.exit_code < 2, result.output
+        assert [line for line in result.stderr.splitlines() if line.startswith(said)]
+    assert "warning" not in run("check", attacked).stderr
+
+
+def test_a_recording_without_claims_says_that_there_was_nothing_to_check(run, drive):
+    result = run("check", drive, "--odometry", "none")
+    assert result.exit_code == 0
+    assert "no stream made one, so there was nothing to check but the camera itself" in result.stdout
+    assert "nothing to check" not in run("check", drive).stdout
+
+
 def test_damaged_files_are_one_line(run, tmp_path, attacked):
     text = tmp_path / "text.mcap"
     text.write_text("hello")

@@ -1,10 +1,12 @@
 """``belie info``: also of bags that cannot be checked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from belie.recordings import messages
+from belie.recordings import messages, open_recording, write_mcap
 
 
 def write_bag(folder, topics):
@@ -60,6 +62,19 @@ def test_two_image_topics_are_named_with_the_flag(run, tmp_path):
         assert result.exit_code == 2
         assert "/left/image, /right/image; name one with --image" in result.stderr
         assert result.stderr.count("\n") == 1
+
+
+def test_an_odometry_that_is_too_slow_to_be_judged_is_told(run, drive, tmp_path):
+    recording = open_recording(drive)
+    slow = (
+        replace(step, claims=step.claims if i % 2 == 0 else ()) for i, step in enumerate(recording.steps())
+    )
+    path = tmp_path / "slow.mcap"
+    write_mcap(path, slow, cameras=recording.cameras, body_axes=recording.body_axes)
+    said = "claims are 200 ms apart, more than 0.15 s: set streams.longest_gap_s = 0.24"
+    assert f"not judged: /odom: {said}" in run("info", path).stdout
+    assert f'"reason": "{said}"' in run("check", path, "--json", "-").stdout
+    assert "not judged" not in run("info", drive).stdout
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "text.mcap"])

@@ -51,6 +51,15 @@ def test_no_interpolation_over_a_long_gap():
     assert x_at(buffer(pose(0, 0.0), pose(900, 9.0)), 400) is None
 
 
+def test_a_longer_gap_can_be_allowed_but_nothing_is_extrapolated_over_it():
+    b = ClaimBuffer(250 * MS)
+    for i in range(4):
+        b.add(pose(200 * i, 2.0 * i))
+    assert b.period_ns() == 200 * MS
+    assert x_at(b, 300) == pytest.approx(3.0)
+    assert x_at(b, 610) is None
+
+
 def test_a_repeated_stamp_replaces_and_old_claims_go():
     b = buffer(pose(0, 0.0), pose(0, 5.0))
     assert len(b) == 1
@@ -75,6 +84,14 @@ def test_interval_ends_between_samples_count_in_part():
     assert so3_log(R)[2] == pytest.approx(0.044)
     # a circle: chord of radius 2 m over 0.044 rad
     assert np.linalg.norm(t) == pytest.approx(2 * 2.0 * np.sin(0.022), rel=1e-4)
+
+
+def test_rates_far_apart_are_integrated_between_them_and_no_further():
+    b = ClaimBuffer(250 * MS)
+    for i in range(4):
+        b.add(rate(200 * i, 0.1 * i))
+    assert so3_log(motion_between(b, 0, 600 * MS)[0])[2] == pytest.approx(0.09)
+    assert motion_between(b, 500 * MS, 610 * MS) is None
 
 
 @pytest.mark.parametrize("stamps", [[], [50], range(0, 40, 10), [0, 700, 1400]])

@@ -7,6 +7,7 @@ import pytest
 import belie.cli
 from belie import attacks
 from belie.detector import Config, Detector
+from belie.detector.streams import Streams, StreamSettings
 from belie.geometry import SE3, CameraModel
 from belie.odometry import VisualOdometry
 from belie.recordings import open_recording
@@ -277,6 +278,49 @@ def test_messages_that_are_left_out_accuse_nobody(kitti00, every):
         assert not detector.update(step.frame, step.claims).alerts
         if i == 150:
             break
+
+
+def five_hz(recording):
+    """Steps with every second pose; a frame without one gets the next, as from a bag."""
+    steps = list(recording.steps())
+    for i, step in enumerate(steps):
+        source = [steps[i + 1]] if i % 2 and i + 1 < len(steps) else [step] if i == 0 else []
+        poses = [c for s in source for c in s.claims if c.source == "/odom"]
+        yield replace(step, claims=tuple(poses))
+
+
+@pytest.mark.parametrize("profile", ["default", "paper"])
+def test_a_slow_odometry_is_undecided_and_the_reason_names_the_setting(kitti00, profile):
+    detector = Detector(kitti00.cameras, Config(profile=profile))
+    for i, step in enumerate(five_hz(kitti00)):
+        verdict = detector.update(step.frame, step.claims)
+        if i == 40:
+            break
+    (check,) = [check for check in verdict.checks if check.check == "odometry"]
+    assert check.reason == "claims are 207 ms apart, more than 0.15 s: set streams.longest_gap_s = 0.25"
+
+
+@pytest.mark.parametrize("spec", [None, "paper-odometry"])
+def test_a_slow_odometry_is_judged_where_the_setting_allows(kitti00, spec):
+    recording = kitti00 if spec is None else attacks.attack(kitti00, spec)
+    detector = Detector(kitti00.cameras, Config(streams=StreamSettings(longest_gap_s=0.25)))
+    verdicts = [detector.update(step.frame, step.claims) for step in five_hz(recording)]
+    told = [c.status for v in verdicts for c in v.checks if c.check == "odometry"]
+    assert sum(status is not Status.UNDECIDED for status in told) > 170
+    raised = [(frame, source) for frame, _, source in alerts(verdicts)]
+    assert raised == ([] if spec is None else [(99, "/odom")]) or raised == [(100, "/odom")]
+
+
+def test_an_odometry_too_slow_for_any_setting_says_so():
+    streams = Streams()
+    for i in range(4):
+        claim = PoseClaim(
+            source="/odom", frame_id="o", stamp_ns=i * 5 * 10**8, received_ns=0, T_odom_body=SE3.identity()
+        )
+        streams.take([claim], claim.stamp_ns)
+    assert streams.why_unknown(("odometry", "/odom")) == (
+        "claims are 500 ms apart: too far to tell the motion in between"
+    )
 
 
 def test_a_claim_that_no_robot_could_mean_is_contradicted(kitti00):

@@ -3,12 +3,13 @@
 import contextlib
 import sqlite3
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode
 
-from belie.recordings import open_recording
+from belie.recordings import open_recording, storage
 from belie.types import CalibrationError, MotionClaim, PoseClaim, PositionClaim, RecordingError, TopicError
 
 START_NS, PERIOD_NS = 1_700_000_000_000_000_000, 100_000_000
@@ -386,6 +387,72 @@ def test_flipped_bytes_never_give_a_traceback(new_bag):
             recording = open_recording(file)
             assert recording.streams
             list(recording.steps())
+
+
+@pytest.mark.parametrize(
+    ("name", "magic"),
+    [("a.mcap", b"\x89MCAP0\r\n"), ("a.db3", b"SQLite format 3\x00"), ("a.bag", b"#ROSBAG V2.0\n")],
+)
+@pytest.mark.parametrize("rest", [b"", b"\x00", b"\x01", bytes(50), b"\x89MCAP0\r\n" * 8])
+def test_files_of_a_few_bytes_say_that_they_were_cut_short(tmp_path, name, magic, rest):
+    path = tmp_path / name
+    for length in range(len(magic), 62):
+        path.write_bytes((magic + rest)[:length])
+        with pytest.raises(RecordingError, match=r"cut short, its \d+ bytes hold no message") as error:
+            open_recording(path)
+        assert str(path) in one_line(error)
+
+
+def test_what_parsers_say_of_damaged_records_is_not_passed_on():
+    said = (
+        r"a.mcap cannot be read as ros2-mcap: a record in it is damaged or cut short; .* `mcap recover a.mcap"
+    )
+    with pytest.raises(RecordingError, match=said), storage._clear_errors(Path("a.mcap"), "ros2-mcap"):
+        ord(b"")
+
+
+def overwritten(path, bag, topic, index, at, by):
+    """The file with some bytes of a message's record overwritten; `at` counts from the start of its data."""
+    message = [data for name, _, _, data in bag.messages if name == topic][index]
+    data = path.read_bytes()
+    start = data.index(message) + at
+    path.write_bytes(data[:start] + by + data[start + len(by) :])
+
+
+def test_damaged_messages_are_counted_and_those_that_are_gone(new_bag):
+    bag = new_bag().drive(12)
+    path = bag.write()
+    channel = -22  # before the data, in MCAP
+    overwritten(path, bag, "/odom", 4, channel, b"\xff\xff")
+    overwritten(path, bag, "/cam/image_raw", 7, channel, b"\xff\xff")
+    overwritten(path, bag, "/odom", 8, 16, b"\xff\xff\xff\xff")  # length of frame_id
+    recording = open_recording(path)
+    steps = list(recording.steps())
+    assert len(steps) == 11
+    assert sum(len(step.claims) for step in steps) == 10
+    assert recording.join_counts.lost == {"/odom": 1, "/cam/image_raw": 1}
+    assert recording.join_counts.undecodable == {"/odom": 1}
+
+
+def test_an_undamaged_bag_has_lost_nothing(new_bag):
+    for kind in ("mcap", "sqlite3", "ros1"):
+        recording = open_recording(new_bag(kind, name=kind).drive(6).write())
+        list(recording.steps())
+        assert not recording.join_counts.lost
+
+
+def test_a_topic_that_cannot_be_read_at_all_is_an_error(new_bag):
+    bag = new_bag().drive(12)
+    path = bag.write()
+    for index in range(1, 12):
+        overwritten(path, bag, "/odom", index, 16, b"\xff\xff\xff\xff")
+    assert len(list(open_recording(path).steps())) == 12  # the first could be read
+    bag = new_bag(name="all").drive(12)
+    path = bag.write()
+    for index in range(12):
+        overwritten(path, bag, "/odom", index, 16, b"\xff\xff\xff\xff")
+    with pytest.raises(RecordingError, match="Odometry"):
+        list(open_recording(path).steps())
 
 
 def test_empty_bag(new_bag):

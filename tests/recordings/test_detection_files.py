@@ -181,6 +181,7 @@ def test_what_is_out_of_the_image_is_left_out_and_counted(tmp_path, folder):
         ("stamp_s,label,left,top,right,bottom\nsoon,car,1,2,3,4\n", r"line 2: 'soon' is no time"),
         ("hello\n", r"holds no detections that belie knows: it starts with 'hello'"),
         ("", r"is empty"),
+        (CSV.splitlines()[0] + "\n", r"holds a header and no detection; leave it out, or say"),
     ],
 )
 def test_malformed_files_are_named_in_one_line(tmp_path, folder, text, says):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from belie.cli.damage import tell_damage
 from belie.cli.errors import keep_apart
 from belie.cli.live import (
     Domain,
@@ -153,6 +154,7 @@ def attack(
         encoding=encoding,
         geodetic_origin=recording.geodetic_origin,
     )
+    tell_damage(recording)
     write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from belie.cli.damage import tell_damage
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
@@ -84,6 +85,8 @@ def calibrate(
     frames = sum(frame_count(recording) for recording in recordings)
     with progress("calibrating", frames * _MOST_PASSES) as advance:
         found = learn_from(recordings, settings, on_frame=advance)
+    for recording in recordings:
+        tell_damage(recording)
     words = found.words()
     header = "\n".join(
         ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]

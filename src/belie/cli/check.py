@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from belie.cli.damage import tell_damage
 from belie.cli.errors import ALERT_RAISED, keep_apart
 from belie.cli.options import (
     CameraInfo,
@@ -134,6 +135,7 @@ def check(
 
         run = run_detector(recording, settings, on_verdict=on_verdict)
     print_summary(run, labels=truth, to_stderr=json == STDOUT)
+    tell_damage(recording)
     _mention_labels(source, labels)
     if report is not None:
         _write_report(run, report, truth)

@@ -34,6 +34,10 @@ def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_s
     table.add_row("recording", Text(f"{run.source} ({run.format}), profile {run.profile}"))
     table.add_row("frames", _frames(run))
     table.add_row("verdict", _verdict(run))
+    if not run.has_claims:
+        table.add_row(
+            "claims", "none: no stream made one, so there was nothing to check but the camera itself"
+        )
     table.add_row("latency", _latency(run))
     console.print(table)
     if run.alerts:

@@ -74,27 +74,39 @@ def info(
     info_table.print_streams(recording.streams)
     info_table.print_cameras(recording)
     info_table.print_use(recording)
-    joined = _join(recording, None if whole else _SCANNED_FRAMES)
+    joined, unjudged = _join(recording, None if whole else _SCANNED_FRAMES)
     info_table.print_join_warnings(recording, joined)
+    for line in unjudged:
+        print(line)
 
 
-def _join(recording: Recording, limit: int | None) -> int:
-    """Join the first frames, so that what goes wrong in it is counted; returns how many."""
+def _join(recording: Recording, limit: int | None) -> tuple[int, list[str]]:
+    """Join the first frames, so that what goes wrong is counted; how many, and what 'belie check' cannot judge."""
     from contextlib import closing
 
     from belie.cli.progress import frame_count, progress
+    from belie.detector.streams import StreamKey, Streams
+    from belie.geometry import SE3
 
     total, joined = frame_count(recording), 0
+    streams, start_ns, told = Streams(), None, set[StreamKey]()
     with (
         progress("joining", min(total, limit or total)) as advance,
         closing(recording.steps()) as steps,  # type: ignore[type-var]
     ):
-        for _ in steps:
+        for step in steps:
+            stamp_ns = step.frame.stamp_ns
+            streams.take(step.claims, stamp_ns)
+            motions = streams.motions(start_ns, stamp_ns, SE3.identity())
+            told.update(key for key, T_prev_cur in motions.items() if T_prev_cur is not None)
+            start_ns = stamp_ns
             joined += 1
             advance()
             if joined == limit:
                 break
-    return joined
+    untold = [key for key in streams.motion_streams() if key not in told]
+    lines = [f"  not judged: {key[1]}: {why}" for key in untold if (why := streams.why_unknown(key))]
+    return joined, list(dict.fromkeys(lines))
 
 
 def list_topics(source: Path) -> tuple[StreamInfo, ...]:

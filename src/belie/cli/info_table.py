@@ -28,7 +28,8 @@ _MISHAPS = {
     "duplicates": "with the stamp of their predecessor",
     "missing": "frames without a claim nearby, or lost from the image stream",
     "dropped_late": "stamped after the last frame (not used)",
-    "undecodable": "images that cannot be decoded (skipped)",
+    "lost": "counted by the index, but not in the data: the file is damaged",
+    "undecodable": "images or messages that cannot be decoded (skipped)",
     "invalid": "GNSS messages without a fix, or boxes out of the image (skipped)",
 }
 

@@ -2,7 +2,8 @@
 
 Streams run at their own rates, arrive late, each by its own delay, and out of order: what counts is the header
 stamp. A claim that is asked for between two of its messages is interpolated; just past the last message it is
-extrapolated, by at most one period of the stream; further away there is no answer, and never a guess.
+extrapolated, by at most one period of the stream (never of one longer than `LONGEST_GAP_NS`); further away there is no
+answer, and never a guess.
 """
 
 from __future__ import annotations
@@ -57,6 +58,11 @@ class ClaimBuffer(Generic[_Claim]):
         """The message with the latest stamp, or None."""
         return self._claims[-1] if self._claims else None
 
+    def period_ns(self) -> int | None:
+        """The usual time (median) from one message to the next, or None."""
+        stamps = [claim.stamp_ns for claim in self._claims]
+        return int(np.median(np.diff(stamps))) if len(stamps) > 1 else None
+
     def around(self, stamp_ns: int) -> tuple[_Claim, _Claim] | None:
         """The two neighbouring messages to interpolate or extrapolate from, or None."""
         claims = self._claims
@@ -67,7 +73,8 @@ class ClaimBuffer(Generic[_Claim]):
             return None
         if i == len(claims):
             before, after = claims[-2], claims[-1]
-            if stamp_ns - after.stamp_ns > after.stamp_ns - before.stamp_ns:
+            period_ns = after.stamp_ns - before.stamp_ns
+            if stamp_ns - after.stamp_ns > period_ns or period_ns > LONGEST_GAP_NS:
                 return None
         else:
             before, after = claims[i - 1], claims[i]
@@ -141,8 +148,10 @@ def motion_between(
         or periods.max() > buffer.longest_gap_ns
     ):
         return None
-    if following is None and stop_ns - samples[-1].stamp_ns > 1.5 * float(np.median(periods)):
-        return None
+    if following is None:
+        period_ns = float(np.median(periods))
+        if stop_ns - samples[-1].stamp_ns > (1.5 * period_ns if period_ns <= LONGEST_GAP_NS else 0.0):
+            return None
     if any(s.angular_rad_s is None for s in samples):
         return None
     has_velocity = all(s.linear_m_s is not None for s in samples)

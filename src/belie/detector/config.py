@@ -18,6 +18,7 @@ from belie.checks import (
     SequentialSettings,
 )
 from belie.checks.objects import ObjectSettings
+from belie.detector.streams import StreamSettings
 from belie.odometry import PaperOdometrySettings, TrackingSettings, VisualOdometrySettings
 from belie.types import ConfigError, Settings
 
@@ -38,6 +39,7 @@ class Config(Settings):
     noise: NoiseScaleSettings = NoiseScaleSettings()
     visual_odometry: VisualOdometrySettings = VisualOdometrySettings()
     tracking: TrackingSettings = TrackingSettings()
+    streams: StreamSettings = StreamSettings()
     odometry: OdometrySettings = OdometrySettings()
     imu: ImuSettings = ImuSettings()
     position: PositionSettings = PositionSettings()

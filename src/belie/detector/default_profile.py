@@ -47,7 +47,7 @@ class DefaultProfile:
         self._camera_check = CameraCheck(name, config.camera)
         self._motion_checks: dict[StreamKey, OdometryCheck | ImuCheck] = {}
         self._position_checks: dict[str, PositionCheck] = {}
-        self._streams = Streams()
+        self._streams = Streams(config.streams)
         self._objects = ObjectStage(
             camera.model, config.objects, config.tracking, config.sequential.false_alarms_per_hour
         )
@@ -276,6 +276,9 @@ class DefaultProfile:
             result = check.update(since, T_since, over_gap=T_since is not T_prev_cur)
             if result.status is Status.CONSISTENT and T_prev_cur is not None:
                 self._learn_flow(estimate, T_prev_cur)
+        if T_prev_cur is None and check.evidence is None and estimate.inliers > 0:
+            why = self._streams.why_unknown(key)
+            result = result if why is None else replace(result, reason=why)
         return Judgement(result=result, onset_ns=check.evidence.onset_ns if check.evidence else None)
 
     def _over_gap(self, source: str, estimate: VisualEstimate) -> tuple[VisualEstimate, SE3 | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from belie.checks import paper_odometry_check, paper_position_check
 from belie.detector.alerts import Judgement
@@ -10,6 +11,7 @@ from belie.detector.claim_buffer import ClaimBuffer, pose_at
 from belie.detector.config import Config
 from belie.detector.object_view import ObjectView
 from belie.detector.paper_objects import PaperObjectStage
+from belie.detector.streams import too_seldom
 from belie.geometry import SE3
 from belie.odometry import LocalConsistency, PaperOdometry
 from belie.types import (
@@ -39,9 +41,10 @@ class PaperProfile:
 
     def update(self, frame: Frame, claims: Iterable[Claim]) -> list[Judgement]:
         """Judge the first odometry stream, every position stream and every detector at this frame."""
+        gap_ns = self._config.streams.longest_gap_ns
         for claim in claims:
             if isinstance(claim, PoseClaim):
-                self._poses.setdefault(claim.source, ClaimBuffer()).add(claim)
+                self._poses.setdefault(claim.source, ClaimBuffer(gap_ns)).add(claim)
             elif isinstance(claim, PositionClaim):
                 self._positions.setdefault(claim.source, []).append(claim)
             elif isinstance(claim, DetectionClaim):
@@ -52,8 +55,11 @@ class PaperProfile:
         estimate = self.odometry.update(frame, claimed)
         if self.T_odom_cam_claimed is not None and estimate.reason is None:
             self.T_odom_cam_seen = self.T_odom_cam_claimed @ estimate.T_prev_cur
+        untold = claimed is None or self.T_odom_cam_claimed is None
         self.estimate, self.T_odom_cam_claimed = estimate, claimed
         results = [paper_odometry_check(estimate, source, self._config.paper)] if source else []
+        if untold and source and (why := too_seldom(self._poses[source])):
+            results = [replace(results[0], reason=why)]
         for claims_of_one in self._positions.values():
             due = sorted(
                 (c for c in claims_of_one if c.stamp_ns <= frame.stamp_ns), key=lambda claim: claim.stamp_ns

@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from belie.detector.claim_buffer import ClaimBuffer, motion_between, pose_at
+from belie.detector.claim_buffer import LONGEST_GAP_NS, ClaimBuffer, motion_between, pose_at
 from belie.geometry import SE3, FloatArray
-from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim
+from belie.types import Claim, DetectionClaim, MotionClaim, PoseClaim, PositionClaim, Settings
 
 MotionCheck = Literal["odometry", "twist", "imu"]
 _MOST_AHEAD_NS = 5_000_000_000  # of the frame: the slowest stream's next message, not a broken clock's
+_MOST_GAP_S = 0.3  # between two claims: over half a second an honest vehicle's turns raise alerts
 _FARTHEST_M = 1e8
 _FASTEST = 1e4  # m/s and rad/s
 StreamKey = tuple[MotionCheck, str]  # what is checked, and the topic
+
+
+class StreamSettings(Settings):
+    """How claims are read between their messages.
+
+    >>> StreamSettings().longest_gap_ns
+    150000000
+    """
+
+    longest_gap_s: float = Field(
+        LONGEST_GAP_NS / 1e9,
+        gt=0.0,
+        le=_MOST_GAP_S,
+        description="between two messages of a claimed motion, at most, for it to be interpolated [s]; one that comes "
+        "more seldom is not judged; what bends in between counts as noise, so that a turn hides more",
+    )
+
+    @property
+    def longest_gap_ns(self) -> int:
+        """The same in nanoseconds."""
+        return round(self.longest_gap_s * 1e9)
 
 
 @dataclass(slots=True)
@@ -32,6 +56,7 @@ class Streams:
     array([0.1, 0. , 0. ])
     """
 
+    settings: StreamSettings = field(default_factory=StreamSettings)
     poses: dict[str, ClaimBuffer[PoseClaim]] = field(default_factory=dict)
     rates: dict[StreamKey, ClaimBuffer[MotionClaim]] = field(default_factory=dict)
     positions: dict[str, list[PositionClaim]] = field(default_factory=dict)
@@ -42,6 +67,7 @@ class Streams:
 
         Those that cannot be true of any robot are kept, as large as numbers allow: to be contradicted.
         """
+        gap_ns = self.settings.longest_gap_ns
         for told in claims:
             if isinstance(told, DetectionClaim):
                 continue  # what stands around the robot says nothing of its motion
@@ -50,9 +76,9 @@ class Streams:
             claim = _bounded(told)
             if isinstance(claim, PoseClaim):
                 self.odom_frame = self.odom_frame or claim.frame_id
-                self.poses.setdefault(claim.source, ClaimBuffer()).add(claim)
+                self.poses.setdefault(claim.source, ClaimBuffer(gap_ns)).add(claim)
             elif isinstance(claim, MotionClaim):
-                self.rates.setdefault((claim.kind, claim.source), ClaimBuffer()).add(claim)
+                self.rates.setdefault((claim.kind, claim.source), ClaimBuffer(gap_ns)).add(claim)
             else:
                 self.positions.setdefault(claim.source, []).append(claim)
 
@@ -95,6 +121,11 @@ class Streams:
                 found[key] = T_body_cam.inverse() @ T_body @ T_body_cam
         return found
 
+    def why_unknown(self, key: StreamKey) -> str | None:
+        """Why no motion of a stream is ever known, where its messages are too far apart; else None."""
+        check, source = key
+        return too_seldom(self.poses[source] if check == "odometry" else self.rates[key])
+
     def _body_motion(self, key: StreamKey, start_ns: int, stop_ns: int) -> SE3 | None:
         check, source = key
         if check == "odometry":
@@ -114,6 +145,23 @@ class Streams:
         due = [claim for claim in waiting if claim.stamp_ns <= stamp_ns]
         self.positions[source] = waiting[len(due) :]
         return due
+
+
+def too_seldom(buffer: ClaimBuffer[PoseClaim] | ClaimBuffer[MotionClaim]) -> str | None:
+    """That a stream's messages are too far apart to interpolate, and what to set; None where they are not.
+
+    >>> too_seldom(ClaimBuffer())
+    """
+    period_ns = buffer.period_ns()
+    if period_ns is None or period_ns <= buffer.longest_gap_ns:
+        return None
+    apart = f"claims are {period_ns * 1e-6:.0f} ms apart"
+    enough_s = min(_MOST_GAP_S, math.ceil(period_ns * 1.2e-7) * 1e-2)
+    if period_ns * 1e-9 > enough_s:
+        return f"{apart}: too far to tell the motion in between"
+    return (
+        f"{apart}, more than {buffer.longest_gap_ns * 1e-9:g} s: set streams.longest_gap_s = {enough_s:.2f}"
+    )
 
 
 def _bounded(claim: PoseClaim | MotionClaim | PositionClaim) -> PoseClaim | MotionClaim | PositionClaim:

@@ -95,7 +95,7 @@ def _residuals(
 ) -> Mapping[StreamKey, FloatArray]:
     """Rotation residuals of each stream, (frames, shifts, 3), rad a second; NaN where a stream has a gap."""
     ((_, camera),) = part.cameras.items()
-    detector, streams = Detector(part.cameras, config), Streams()
+    detector, streams = Detector(part.cameras, config), Streams(config.streams)
     waiting: deque[_Interval] = deque()
     rows: dict[StreamKey, list[FloatArray]] = {}
 

@@ -59,6 +59,8 @@ def headline(run: Run) -> str:
         others = len(run.alerts) - 1
         more = "" if not others else f", and {others} more alert{'s' if others > 1 else ''}"
         return f"{said[0].upper()}{said[1:]}: from about {start_s:.1f} s on{more}."
+    if not run.has_claims:
+        return "No stream made a claim: there was nothing to check but the camera itself."
     undecided = run.trace.share(Status.UNDECIDED)
     if undecided > 0.9:
         return "No claim was contradicted, but almost nothing could be judged."

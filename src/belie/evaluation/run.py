@@ -145,6 +145,11 @@ class Run:
         """``default`` or ``paper``."""
         return str(getattr(self.config, "profile", "default"))
 
+    @property
+    def has_claims(self) -> bool:
+        """Whether any stream made a claim; without one, only the camera itself was checked."""
+        return any(check.check != "camera" for check in self.trace.checks)
+
     def verdicts(self) -> Iterator[Verdict]:
         """The verdicts without their checks: what `score` needs."""
         trace = self.trace

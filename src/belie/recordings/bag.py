@@ -33,6 +33,8 @@ from belie.recordings.rig import ClaimReader, Rig, claim_reader
 from belie.recordings.storage import BagFormat, OpenBag, opened
 from belie.types import Claim, MountedCamera, RecordingError, Step
 
+_UNREADABLE = 10  # messages at the start of a topic; then it is of a type that cannot be read
+
 
 class BagRecording:
     """A bag; see `Recording` for the attributes. Opening reads the first messages only.
@@ -154,20 +156,24 @@ class BagRecording:
             topic = connection.topic
             index = indices[topic]
             indices[topic] += 1
+            try:
+                message = bag.deserialize(connection, data)
+                stamp_ns = bag.header_stamp_ns(data)
+            except RecordingError:
+                # A damaged message among good ones is counted; a topic of nothing else is an error.
+                name = ros.camera_name(topic)
+                counts.undecodable[name] += 1
+                if counts.undecodable[name] == indices[topic] == _UNREADABLE:
+                    raise
+                continue
             if topic == image:
-                try:
-                    stamp_ns = bag.header_stamp_ns(data)
-                    message = bag.deserialize(connection, data)
-                except RecordingError:
-                    # One damaged message among good ones: it counts as an image that cannot be decoded.
-                    counts.undecodable[self._camera] += 1
-                    continue
                 yield RawImage(index=index, stamp_ns=stamp_ns, received_ns=received_ns, payload=message)
                 continue
-            claims = readers[topic](bag.deserialize(connection, data), received_ns, index)
+            claims = readers[topic](message, received_ns, index)
             if not claims and isinstance(readers[topic], FixReader):
                 counts.invalid[topic] += 1
             yield from claims
+        counts.lost.update({ros.camera_name(topic): lost for topic, lost in bag.lost.items()})
 
 
 def _topics_of(bag: OpenBag) -> tuple[ros.Topic, ...]:

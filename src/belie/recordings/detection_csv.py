@@ -56,6 +56,11 @@ def read_detection_csv(path: Path) -> DetectionTable:
     number, header = next(lines)
     _check_header(path, number, header)
     rows = tuple(_row(path, line, header, fields) for line, fields in lines)
+    if not rows:
+        raise RecordingError(
+            f"{path} holds a header and no detection; leave it out, or say that nothing was seen by lines with nothing "
+            "but their frame or time"
+        )
     return DetectionTable(path=path, kind="CSV", rows=rows)
 
 

@@ -24,8 +24,10 @@ class JoinCounts:
         For claims, frames without a claim within two periods; for a camera, frames absent from gaps.
     dropped_late : Counter
         Claims for which no frame was left: stamped after the last one.
+    lost : Counter
+        Messages that the index of a bag counts, but that are not in its data: it is damaged.
     undecodable : Counter
-        Images that could not be decoded (skipped).
+        Images and messages that could not be decoded (skipped).
     invalid : Counter
         GNSS messages without a fix, boxes of a detections file out of the image (skipped).
 
@@ -43,5 +45,6 @@ class JoinCounts:
     duplicates: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     dropped_late: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
     undecodable: Counter[str] = field(default_factory=Counter)
     invalid: Counter[str] = field(default_factory=Counter)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,10 +25,14 @@ BagFormat = Literal["ros2-mcap", "ros2-sqlite3", "ros1"]
 
 _LONGEST = 160
 _MENDING: dict[str, str] = {
-    "ros2-mcap": "if it was cut short, mend it with `mcap recover {name} -o mended.mcap`",
-    "ros2-sqlite3": "if it was cut short, mend it with `sqlite3 {name} .recover | sqlite3 mended.db3`",
+    "ros2-mcap": "if it was cut short or damaged, mend it with `mcap recover {name} -o mended.mcap`",
+    "ros2-sqlite3": "if it was cut short or damaged, mend it with `sqlite3 {name} .recover | sqlite3 mended.db3`",
     "ros1": "if it was cut short, mend it with `rosbag reindex {name}`",
 }
+# What each format needs for its first header and its end, before there is a message [bytes].
+_SMALLEST: dict[str, int] = {"ros2-mcap": 62, "ros2-sqlite3": 512, "ros1": 64}
+# Raised by parsers that run into the end of the file, or into bytes that are no record; their words help nobody.
+_CODE_ERRORS = (struct.error, TypeError, AssertionError, IndexError, KeyError)
 
 
 @contextmanager
@@ -43,6 +48,8 @@ def _clear_errors(path: Path, format: str) -> Iterator[None]:
         said = " ".join(str(error).split()) or type(error).__name__
         if "end magic" in said:
             said = "it has no end mark, so the recording was cut short"
+        elif isinstance(error, _CODE_ERRORS):
+            said = "a record in it is damaged or cut short"
         raise RecordingError(
             f"{path} cannot be read as {format}: {said[:_LONGEST].rstrip('.')}; "
             + _MENDING[format].format(name=path.name)
@@ -58,6 +65,8 @@ class OpenBag:
         The bag.
     connections : sequence of Connection
         One for each topic and type (ROS 1: and each publisher).
+    lost : Counter
+        Messages by topic that the index counts, and that the last pass of `messages` to the end did not find.
     """
 
     def __init__(self, path: Path, format: BagFormat, reader: Any) -> None:
@@ -65,6 +74,7 @@ class OpenBag:
         self.format = format
         self._reader = reader
         self.connections: Sequence[Connection] = list(reader.connections)
+        self.lost: Counter[str] = Counter()
         self._store: Typestore | None = None
         self._known: set[str] = set()
 
@@ -79,12 +89,18 @@ class OpenBag:
             return
         with _clear_errors(self.path, self.format):
             messages = self._reader.messages(connections)
+        found: Counter[str] = Counter()
         while True:
             with _clear_errors(self.path, self.format):
                 entry = next(messages, None)
             if entry is None:
-                return
+                break
+            found[entry[0].topic] += 1
             yield entry
+        counted: Counter[str] = Counter()
+        for connection in connections:
+            counted[connection.topic] += connection.msgcount
+        self.lost = counted - found
 
     def deserialize(self, connection: Connection, data: bytes) -> Any:
         """A message's fields, by the definition that the bag embeds, else the newest ROS release's."""
@@ -210,6 +226,11 @@ def opened(path: Path, format: BagFormat) -> Iterator[OpenBag]:
     RecordingError
         If it is damaged, cut short or empty.
     """
+    if path.is_file() and (size := path.stat().st_size) < _SMALLEST[format]:
+        raise RecordingError(
+            f"{path} cannot be read as {format}: it was cut short, its {size} bytes hold no message; copy it again, "
+            "or record again"
+        )
     with _clear_errors(path, format):
         reader = rosbag2.Reader(path) if path.is_dir() else _READERS[format](path)
         reader.open()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from belie.recordings.recording import Role
 from belie.types import AmbiguousTopicError, TopicError
@@ -184,6 +185,9 @@ def _named(topics: Sequence[Topic], types: tuple[str, ...], named: str, flag: st
                 raise TopicError(f"{flag} {named}: this topic has no messages")
             return topic
     fitting = [topic for topic in topics if topic.message_type in types]
+    is_path = PurePath(named).suffix or ("/" in named and not named.startswith("/"))
+    if flag == "--detections" and is_path:
+        raise TopicError(f"{flag} {named}: no such file; topics of a fitting type: {_listed(fitting)}")
     raise TopicError(f"{flag} {named}: no such topic; those of a fitting type: {_listed(fitting)}")
 
 
