@@ -1,27 +1,27 @@
 """The paper's case of an adversarial patch, on a door and on a stop sign, simulated: how many runs are found?
 
-python benchmarks/patch.py --cache /tmp/clean --sensor-seeds 1 2 3 4 5 6 7 8 9 10
+python benchmarks/patch.py                                                                  ten worlds
+python benchmarks/patch.py --world-seeds 1 --sensor-seeds 1 2 3 4 5 6 7 8 9 --duration 15  nine detectors in one
 
-Two ways. ``from frame 0``: as the simulator has it, the patch works in nine of ten messages from the first frame on,
-and the detector has hardly ever seen what it hides. ``from frame N`` (``--onsets N``): the robot has seen door and sign
-before the patch begins to work (it comes into view, or near enough). A hit is an alert of the right type that
-names the object.
+The drives are the printed patch's of `belie bench paper` (the second line's: of `belie bench clean`), and so are their
+pictures. Two ways. ``from frame 0``: as the simulator has it, the patch works in nine of ten messages from the first
+frame on, and the detector has hardly ever seen what it hides. ``from frame N`` (``--onsets N``): the robot has seen
+door and sign before the patch begins to work (it comes into view, or near enough). A hit is an alert of the right type
+that names the object.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections import Counter
-from dataclasses import replace
-from pathlib import Path
+from collections import Counter, defaultdict
+from itertools import product
 
 from _recordings import MemoryRecording
+from _simulated import Drive, Judge, cases_of, claims_of, drive_of, drive_parser
 from belie.attacks import attack
 from belie.geometry import box_iou
 from belie.types import AlertType, DetectionClaim
-from clean_simulated import Job
-from objects_simulated import Drive, Judge, claims_of, drive_of
 
+PATCHES = (("door", "hide"), ("stop sign", "hide"), ("stop sign", "relabel"))
 WANTED = {"hide": AlertType.OBSTACLE_HIDING, "relabel": AlertType.OBJECT_MISCLASSIFICATION}
 
 
@@ -40,10 +40,9 @@ def names_of(recording: MemoryRecording, drive: Drive, label: str) -> Counter[st
     return names
 
 
-def found(job: Job, label: str, mode: str, start: int, profile: str) -> int | None:
+def found(drive: Drive, sensor_seed: int, label: str, mode: str, start: int, profile: str) -> int | None:
     """Frame of the alert, from the patch's onset on."""
-    drive = drive_of(replace(job, sensor_seed=job.world_seed))
-    recording = claims_of(job, drive, profile, None, patch="none" if start else mode)
+    recording = claims_of(drive, sensor_seed, profile, patch="none" if start else mode)
     names, judge = names_of(recording, drive, label), Judge(recording, drive, profile)
     if not names:
         return None
@@ -57,35 +56,21 @@ def found(job: Job, label: str, mode: str, start: int, profile: str) -> int | No
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--cache", type=Path, required=True, help="folder of rendered bags")
-    parser.add_argument("--sensor-seeds", type=int, nargs="+", default=list(range(1, 11)))
-    parser.add_argument("--weathers", nargs="+", default=["sunny"])
-    parser.add_argument("--size", type=int, nargs=2, default=(640, 480), help="pixels")
+    parser = drive_parser(__doc__, suite="paper", scenario="patch")
     parser.add_argument(
         "--onsets", type=int, nargs="+", default=[0, 40, 100], help="frames; 0: as the simulator has it"
     )
-    parser.add_argument("--profile", default="default", choices=("default", "paper"))
     wanted = parser.parse_args()
+    delays: dict[tuple[str, str, str, int], list[int | None]] = defaultdict(list)
+    for case, pictures in cases_of(parser, wanted):
+        for (label, mode), start in product(PATCHES, wanted.onsets):
+            delay = found(drive_of(pictures), case.sensor_seed, label, mode, start, wanted.profile)
+            delays[case.weather, label, mode, start].append(delay)
     print("| weather | object | patch | works | found | frames to the alert |\n|---|---|---|---|---:|---|")
-    for weather in wanted.weathers:
-        for label, mode in (("door", "hide"), ("stop sign", "hide"), ("stop sign", "relabel")):
-            for start in wanted.onsets:
-                delays = [
-                    found(
-                        Job(
-                            scenario="patch", weather=weather, world_seed=1, sensor_seed=seed, duration_s=15.0,
-                            size=(wanted.size[0], wanted.size[1]), rate_hz=10.0, cache=wanted.cache,
-                        ),
-                        label, mode, start, wanted.profile,
-                    )
-                    for seed in wanted.sensor_seeds
-                ]  # fmt: skip
-                hits = sorted(d for d in delays if d is not None)
-                row = (weather, label, mode, f"from frame {start}", f"{len(hits)}/{len(delays)}", str(hits))
-                print(f"| {' | '.join(row)} |", flush=True)
+    for (weather, label, mode, start), tried in delays.items():
+        hits = sorted(d for d in tried if d is not None)
+        row = (weather, label, mode, f"from frame {start}", f"{len(hits)}/{len(tried)}", str(hits))
+        print(f"| {' | '.join(row)} |")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
 """Hot loop of Θ, equation (6): Levenberg-Marquardt over one camera pose, compiled.
 
-Residuals and Jacobians through any camera model, a Huber kernel by reweighting (as g2o does), the
-6x6 normal equations by a Cholesky factorisation of our own: numba's ``np.linalg`` calls LAPACK, whose
-overhead rules at this size. Steps are right-hand perturbations ``T_odom_cam exp(xi)``, translation first.
+Residuals and Jacobians through any camera model, a Huber kernel by reweighting (as g2o does). Steps are
+right-hand perturbations ``T_odom_cam exp(xi)``, translation first.
 Method: Madsen, Nielsen and Tingleff, "Methods for Non-Linear Least Squares Problems" (2004).
 """
 
@@ -13,33 +12,7 @@ import numpy as np
 from belie.geometry import FloatArray, huber_cost, huber_weight
 from belie.geometry.compiled import compiled
 from belie.geometry.projection import project_normalized
-
-
-@compiled()
-def _solve_cholesky_6(A: FloatArray, b: FloatArray, x: FloatArray) -> bool:
-    """Solve ``A x = b`` in place of A; False where A is not positive definite."""
-    for i in range(6):
-        for j in range(i + 1):
-            s = A[i, j]
-            for k in range(j):
-                s -= A[i, k] * A[j, k]
-            if i == j:
-                if s <= 1e-30:
-                    return False
-                A[i, i] = np.sqrt(s)
-            else:
-                A[i, j] = s / A[j, j]
-    for i in range(6):
-        s = b[i]
-        for k in range(i):
-            s -= A[i, k] * x[k]
-        x[i] = s / A[i, i]
-    for i in range(5, -1, -1):
-        s = x[i]
-        for k in range(i + 1, 6):
-            s -= A[k, i] * x[k]
-        x[i] = s / A[i, i]
-    return True
+from belie.odometry.cholesky import solve_cholesky_6
 
 
 @compiled()
@@ -198,8 +171,9 @@ def fit_pose(
             for c in range(6):
                 damped[r, c] = H[r, c]
             damped[r, r] += damping * H[r, r] + 1e-12
+            xi[r] = g[r]
         trial_cost = np.inf
-        if _solve_cholesky_6(damped, g, xi):
+        if solve_cholesky_6(damped, xi):
             R_trial, t_trial = _retract(R, t, xi)
             trial_cost = _residuals(
                 flat, R_trial, t_trial, points, observed, inverse_variance, delta, trial_chi2, trial_predicted

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from belie.geometry import compiled
+from belie.odometry.cholesky import solve_cholesky_6
 
 _OUTER_ITERATIONS = 8
 _WIDE = 512.0  # times the kernel: 68 sigma, 7 px for corners tracked to 0.1 px
@@ -21,33 +21,6 @@ _SETTLED = 1e-4  # squared length of a step in its own standard errors: a hundre
 _LENGTH_ITERATIONS = 3
 _NEAR = 1e-3  # smallest Z_cur / Z_prev that is still in front of the camera
 KERNEL_CHI2 = 9.0  # the kernel's half-way point: a 3-sigma error
-
-
-@compiled()
-def _cholesky_solve(A: npt.NDArray[np.float64], b: npt.NDArray[np.float64], n: int) -> bool:
-    """Solve A x = b in place (A lower factor, b solution); False if A is not positive definite."""
-    for i in range(n):
-        for j in range(i + 1):
-            s = A[i, j]
-            for k in range(j):
-                s -= A[i, k] * A[j, k]
-            if i == j:
-                if s <= 1e-300:
-                    return False
-                A[i, i] = np.sqrt(s)
-            else:
-                A[i, j] = s / A[j, j]
-    for i in range(n):
-        s = b[i]
-        for k in range(i):
-            s -= A[i, k] * b[k]
-        b[i] = s / A[i, i]
-    for i in range(n - 1, -1, -1):
-        s = b[i]
-        for k in range(i + 1, n):
-            s -= A[k, i] * b[k]
-        b[i] = s / A[i, i]
-    return True
 
 
 @compiled()
@@ -282,7 +255,7 @@ def fit_motion(
                         A[a, b] += 1e3 * heavy * t[a] * t[b] / (length * length)
             for a in range(6):
                 A[a, a] += damping * A[a, a] + 1e-12
-            if not _cholesky_solve(A, step, 6):
+            if not solve_cholesky_6(A, step):
                 damping *= 10.0
                 continue
             size = 0.0  # squared, in standard errors: step' H step, Newton's decrement

@@ -56,6 +56,16 @@ def test_fresh_sensors_err_anew_before_the_same_pictures(pictures):
     assert all(np.array_equal(a.frame.image, b.frame.image) for a, b in zip(first, second, strict=True))
 
 
+def test_the_true_objects_of_every_frame_are_kept(pictures):
+    rendered = []
+    for _ in SimulatedRecording(pictures.scenario, on_view=rendered.append).steps():
+        pass
+    kept = pictures.labels()
+    assert [[o.id for o in labels] for labels in kept] == [[o.id for o in view.labels] for view in rendered]
+    assert any(kept)
+    np.testing.assert_allclose(kept[0][0].box_px, rendered[0].labels[0].box_px, atol=0.01)
+
+
 def test_what_is_there_is_not_rendered_again(pictures):
     before = pictures.bag.stat().st_size, pictures.bag.stat().st_ino
     pictures.render(on_frame=lambda: pytest.fail("rendered again"))

@@ -98,13 +98,18 @@ class Pictures:
         finally:
             partial.unlink(missing_ok=True)
 
+    def labels(self) -> tuple[tuple[ObjectLabel, ...], ...]:
+        """The true objects in view, frame by frame."""
+        lines = objects_path(self.bag).read_text(encoding="utf-8").splitlines()
+        return tuple(tuple(_label(entry) for entry in json.loads(line)["objects"]) for line in lines)
+
     def steps(self, sensor_seed: int | None = None) -> tuple[SimulatedRecording, tuple[Step, ...]]:
         """The drive before these pictures, and its steps, with the sensors under a seed of their own.
 
         `decode_ms` is what the kept pictures took to decode.
         """
         seed = self.scenario.seed if sensor_seed is None else sensor_seed
-        kept = KeptPictures(self.bag)
+        kept = KeptPictures(self)
 
         def open_stage(scenario: Scenario, world: World) -> AbstractContextManager[Stage]:
             weather = WEATHERS[scenario.weather]
@@ -129,12 +134,11 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 class KeptPictures:
-    """Pictures and labels of a bag, in the order of its frames: stands in for a renderer."""
+    """Pictures and labels that were kept, in the order of their frames: stands in for a renderer."""
 
-    def __init__(self, bag: Path) -> None:
-        self._frames = _frames(bag)
+    def __init__(self, pictures: Pictures) -> None:
+        self._frames, self._labels = _frames(pictures.bag), iter(pictures.labels())
         self.decode_ms: list[float] = []
-        self._lines = iter(objects_path(bag).read_text(encoding="utf-8").splitlines())
 
     def render(self, t_s: float, ego: Motion | None = None) -> Rendered:
         """The next picture."""
@@ -148,7 +152,7 @@ class KeptPictures:
         self, world: World, rendered: Rendered, camera: CameraModel, t_s: float, T_world_body: SE3
     ) -> tuple[ObjectLabel, ...]:
         """The labels of the picture that was just shown."""
-        return tuple(_label(entry) for entry in json.loads(next(self._lines))["objects"])
+        return next(self._labels)
 
 
 def _frames(bag: Path) -> Iterator[Step]:
