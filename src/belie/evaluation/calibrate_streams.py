@@ -3,7 +3,7 @@
 The claimed rotation between two images, read at times shifted by tau, is held against the one that the images show.
 Where the robot turns unevenly, the difference r(tau) follows the angular acceleration w, unless tau is the stream's
 clock offset: that is where ``sum w r(tau)`` is zero. The acceleration is taken from the neighbouring images (an
-instrumental variable; Wooldridge, *Econometric Analysis of Cross Section and Panel Data*, chapter 5): that of the claims
+instrumental variable; Wooldridge, *Econometric Analysis of Cross Section and Panel Data*, chapter 5): that of claims
 is mostly their noise, which says nothing and yet looks as if it did. How well the offset is known follows from the sums
 of ``w r`` over blocks of time (batch means): errors of either motion last for a second or more, so that frames are no
 independent witnesses.
