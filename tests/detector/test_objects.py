@@ -115,6 +115,14 @@ def test_a_hidden_object_is_named_within_six_messages(onset):
     assert results[onset + 13]["hiding"].status is Status.CONSISTENT
 
 
+def test_a_box_with_nothing_in_it_is_not_hidden_when_it_goes(monkeypatch):
+    monkeypatch.setattr("belie.detector.scene_witness.SceneWitness.evidence", lambda *_: (None, 6.0))
+    alerts, results, _ = watch(Scene(), hidden=range(20, 40))
+    assert [a[1:3] for a in alerts] == [("obstacle_injection", "7")]
+    lies = [k for k, answers in enumerate(results) if answers["injection"].status is Status.CONTRADICTED]
+    assert lies == list(range(lies[0], 25))  # the last message that told of it, and some patience
+
+
 @pytest.mark.parametrize("hidden", [(15,), (15, 16), (12, 18, 19, 25, 30, 31)])
 def test_flicker_is_no_attack(hidden):
     assert watch(Scene(), hidden=hidden)[0] == []

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from belie.detector import ObjectView
 from belie.evaluation.expected_corners import View, corners_under_claim
 from belie.evaluation.snapshots import SnapshotRecorder
 from belie.geometry import SE3, CameraModel, so3_exp
@@ -90,6 +91,26 @@ def test_without_poses_or_corners_there_is_nothing_to_draw(frames, corners):
     assert corners_under_claim(unknown, CAMERA, corners) is None
     assert corners_under_claim(views(frames), CAMERA, np.empty((0, 2))) is None
     assert corners_under_claim(views(frames)[:1], CAMERA, corners) is None
+
+
+@pytest.mark.parametrize("followed", [True, False])
+def test_a_snapshot_of_an_object_shows_the_object(frames, corners, followed):
+    recorder = SnapshotRecorder({}, claims_predict=False)
+    alert = Alert(type=AlertType.OBSTACLE_HIDING, source="/detections", onset_ns=0, object="7")
+    car = ObjectView(
+        source="/detections", name="7", label="car", told_label="car", misnamed=False,
+        box_px=np.array([40.0, 30.0, 80.0, 50.0]), detected_px=None, told_ns=0, predicted_px=corners[:3] + 1.0,
+        observed_px=corners[:3], error_px2=0.1, status="missing",
+    )  # fmt: skip
+    (view, *_) = views(frames)
+    verdict = Verdict(
+        frame=0, stamp_ns=view.frame.stamp_ns, status=Status.CONTRADICTED, latency_ms=1.0, alerts=(alert,)
+    )
+    recorder.add(view, verdict, None, (car,) if followed else ())
+    (snapshot,) = recorder.finish()
+    assert snapshot.basis == "object"
+    assert snapshot.object is (car if followed else None)
+    assert len(snapshot.observed_px) == (3 if followed else 0)
 
 
 def test_a_snapshot_begins_before_the_lie(frames, corners):

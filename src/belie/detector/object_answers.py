@@ -42,8 +42,8 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
                 check="hiding", source=stream.source, status=Status.CONTRADICTED,
                 statistic=track.hiding.statistic, threshold=track.hiding.threshold, unit="llr", floor=floor,
                 reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
-                f"{_share(track.hiding)}, but {_there(track)}; the detector's own habit explains "
-                "fewer", object=track.name)))  # fmt: skip
+                f"{_share(track.hiding)}, more than its detector is used to miss, but it is still there: "
+                f"{_there(track)}", object=track.name)))  # fmt: skip
         elif track.last_seen_ns < (stream.last_ns or 0) and track.weight >= stream.settings.established:
             fair = track.absence(size, stream.settings)
             if not fair and len(track.covers) and not track.hiding.errors:
@@ -100,7 +100,7 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
             threshold=stream.threshold("injection", track), unit="llr", object=track.name,
             reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
             "box lie on the ground or the wall behind it"))
-        for track in stream.tracks if track.phantom.accused
+        for track in stream.tracks if track.phantom.accused and _is_told(track, stream)
     ]  # fmt: skip
     if accused:
         return accused
@@ -114,6 +114,11 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
     return [Judgement(result=CheckResult(
         check="injection", source=stream.source, status=status, threshold=threshold, unit="llr",
         statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
+
+
+def _is_told(track: ObjectTrack, stream: ObjectStream) -> bool:
+    """Whether the detector still tells of it; a few messages without it do not end a lie that flickers."""
+    return (stream.last_ns or 0) - track.last_seen_ns <= _SILENT * stream.interval_s * 1e9
 
 
 def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
@@ -134,8 +139,8 @@ def _share(test: ErrorTest) -> str:
 
 def _there(track: ObjectTrack) -> str:
     error = track.motion.error_px2 if track.motion is not None else None
-    fit = "" if error is None else f", e^L {error:.2f} px²"
+    fit = "" if error is None else f", within {error:.2g} px² (e^L)"
     if track.is_soft and track.likeness.evidence > 0.0:
         likeness = track.likeness
-        return f"the picture fits (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
-    return f"{track.proven} of {track.corners_then} corners on it move on as one{fit}"
+        return f"its picture is the same (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
+    return f"{track.proven} corners on it still move together{fit}"

@@ -204,7 +204,8 @@ class ObjectStream:
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
-        if track.absence(current.size, self.settings, by_boxes=False):
+        # A box with nothing in it was no object: nobody hides it.
+        if track.phantom.accused or track.absence(current.size, self.settings, by_boxes=False):
             track.hiding.excuse()
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from belie.evaluation.film import OBJECT_ALERTS
 from belie.evaluation.run import Run
 from belie.evaluation.trace import PositionTrace
 from belie.evaluation.traced_alert import TracedAlert
@@ -34,7 +35,7 @@ class BirdView:
     claimed, seen : array (N, 2)
         The camera, as claimed and as seen.
     in_alert : array (N,), bool
-        Frames between the onset and the end of an alert on anything but a position.
+        Frames between the onset and the end of an alert on anything but a position or an object.
     apart_m : array (N,)
         Distance between claimed and seen position, height included.
     positions : tuple of PlacedPositions
@@ -59,8 +60,9 @@ def bird_view(run: Run) -> BirdView | None:
         return None
     optical = run.body_axes == "rdf"
     claimed, seen = _ground(trace.claimed_m, optical), _ground(trace.seen_m, optical)
-    on_motion = [t for t in run.alerts if t.raised.alert.type is not AlertType.POSITION_SPOOFING]
-    in_alert, doubtful = _within(on_motion, trace.stamps_ns), _within(run.alerts, trace.stamps_ns)
+    alerts = alerts_on_motion(run)
+    of_odometry = [t for t in alerts if t.raised.alert.type is not AlertType.POSITION_SPOOFING]
+    in_alert, doubtful = _within(of_odometry, trace.stamps_ns), _within(alerts, trace.stamps_ns)
     positions = []
     for position in trace.positions:
         shares_frame = bool(position.frame_id) and position.frame_id == trace.odometry_frame_id
@@ -79,6 +81,11 @@ def bird_view(run: Run) -> BirdView | None:
         across_name="to the right at the start" if optical else "x of the odometry",
         ahead_name="ahead at the start" if optical else "y of the odometry",
     )
+
+
+def alerts_on_motion(run: Run) -> list[TracedAlert]:
+    """The alerts that say something of the trajectory: a lie about an object leaves the camera's motion as it is."""
+    return [traced for traced in run.alerts if traced.raised.alert.type not in OBJECT_ALERTS]
 
 
 def _within(alerts: Iterable[TracedAlert], stamps_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:

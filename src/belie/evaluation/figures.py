@@ -11,9 +11,11 @@ import numpy as np
 
 from belie.attacks import AttackLabel
 from belie.detector.alerts import ALERT_OF_CHECK
-from belie.evaluation.bird_view import BirdView, bird_view
+from belie.evaluation.bird_view import BirdView, alerts_on_motion, bird_view
+from belie.evaluation.film import OBJECT_ALERTS
 from belie.evaluation.run import Run
 from belie.evaluation.trace import NOT_RUN, STATUSES, CheckTrace
+from belie.evaluation.traced_alert import TracedAlert
 from belie.geometry import FloatArray
 from belie.types import Status
 
@@ -33,6 +35,12 @@ _POSITION_STYLE = {
     "markerfacecolor": "white",
     "markeredgewidth": 0.8,
     "linestyle": "",
+}
+_LIES = {  # by the unit that it is told in
+    "deg/s": "false turn [deg/s]",
+    "m/s": "false speed [m/s]",
+    "m": "false position [m]",
+    "s": "object hidden or misnamed [s]",
 }
 _ZOOM_NS = 1_500_000_000
 _STYLE = {
@@ -73,9 +81,11 @@ def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[Att
     top = max(3.0, 2.0 * float(np.nanmax(ratio)))
     axes.set_yscale("log")
     axes.set_ylim(lowest, top)
-    _mark_alerts(axes, run, check)
+    kind = ALERT_OF_CHECK.get(check.check)
+    own = (t for t in run.alerts if (t.raised.alert.source, t.raised.alert.type) == (check.source, kind))
+    _mark_alerts(axes, run, own)
     for label in labels:
-        if check.source in label.sources:
+        if check.source in label.sources and (label.alert not in OBJECT_ALERTS or label.alert is kind):
             start, end = run.trace.since_start_s([label.start_ns, label.end_ns])
             axes.plot([start, end], [top, top], color=LABEL, linewidth=6, solid_capstyle="butt", clip_on=True)
     axes.axhline(1.0, color=ALERT, linewidth=1.0, linestyle=(0, (5, 3)))
@@ -88,15 +98,13 @@ def _evidence_panel(axes: Any, run: Run, check: CheckTrace, labels: Iterable[Att
     axes.minorticks_off()
 
 
-def _mark_alerts(axes: Any, run: Run, check: CheckTrace | None = None) -> None:
-    for traced in run.alerts:
-        alert = traced.raised.alert
-        if check is None or (alert.source == check.source and alert.type is ALERT_OF_CHECK.get(check.check)):
-            onset, raised, end = run.trace.since_start_s(
-                [alert.onset_ns, traced.raised.stamp_ns, traced.end_ns]
-            )
-            axes.axvspan(min(onset, raised), max(end, raised), color=ALERT, alpha=0.12, linewidth=0)
-            axes.axvline(raised, color=ALERT, linewidth=1.2)
+def _mark_alerts(axes: Any, run: Run, alerts: Iterable[TracedAlert]) -> None:
+    for traced in alerts:
+        onset, raised, end = run.trace.since_start_s(
+            [traced.raised.alert.onset_ns, traced.raised.stamp_ns, traced.end_ns]
+        )
+        axes.axvspan(min(onset, raised), max(end, raised), color=ALERT, alpha=0.12, linewidth=0)
+        axes.axvline(raised, color=ALERT, linewidth=1.2)
 
 
 def _mark_undecided(axes: Any, run: Run, check: CheckTrace) -> None:
@@ -129,10 +137,11 @@ def trajectory_figure(run: Run) -> str:
 
 
 def zoom_window(run: Run) -> slice | None:
-    """The frames around the first alert, where they are so few that the whole does not show them."""
-    if not run.alerts:
+    """The frames around the first alert about motion, where they are so few that the whole does not show them."""
+    alerts = alerts_on_motion(run)
+    if not alerts:
         return None
-    first = run.alerts[0]
+    first = alerts[0]
     start_ns = min(first.raised.alert.onset_ns, first.raised.stamp_ns) - _ZOOM_NS
     end_ns = min(first.end_ns, first.raised.stamp_ns + _ZOOM_NS) + _ZOOM_NS
     start, stop = np.searchsorted(run.trace.stamps_ns, [start_ns, end_ns])
@@ -181,7 +190,7 @@ def _draw_above(axes: Any, view: BirdView) -> None:
 
 
 def _draw_apart(axes: Any, run: Run, view: BirdView) -> None:
-    _mark_alerts(axes, run)
+    _mark_alerts(axes, run, alerts_on_motion(run))
     axes.plot(*_thinned(run.trace.seconds, view.apart_m), color="#222222", linewidth=1.1)
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(*_span(run))
@@ -205,7 +214,7 @@ def floor_figure(run: Run) -> str:
                     axes.plot(*line, linewidth=1.2, label=f"{check.check} {check.source}")
             axes.set_yscale("log")
             axes.set_xlim(*_span(run))
-            axes.set_title(unit, loc="left", fontsize=9.5)
+            axes.set_title(_LIES.get(unit, f"lie [{unit}]"), loc="left", fontsize=9.5)
             axes.set_xlabel("time [s]")
             axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -11,17 +11,19 @@ import numpy as np
 from belie.evaluation.figures import ALERT, QUIET, SEEN, svg
 from belie.evaluation.film import SIDE_PX, Film, Shot
 from belie.evaluation.run import Run
+from belie.geometry import FloatArray
 from belie.types import AlertType
 
 _GAP_PX = 10
+_MOST_SHOTS = 6  # of `Film.strip`: all strips have pictures of one size
 _JPEG_QUALITY = 85
 _PAPER_LIMIT_PX2 = 20.0  # T4
 _LEAST_PX2 = 0.01
 _MOST_CORNERS = 40
-_WRONG = {
-    AlertType.OBSTACLE_HIDING: "not reported",
-    AlertType.OBJECT_MISCLASSIFICATION: "reported as something else",
-    AlertType.OBSTACLE_INJECTION: "reported, though it is not there",
+_TOLD = {  # what is right, and what is a lie
+    AlertType.OBSTACLE_HIDING: ("reported", "not reported"),
+    AlertType.OBJECT_MISCLASSIFICATION: ("reported as what it is", "reported as something else"),
+    AlertType.OBSTACLE_INJECTION: ("not reported", "reported, though it is not there"),
 }
 
 
@@ -31,7 +33,7 @@ def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
     return {
         "title": _title(film),
         "words": _words(run, film),
-        "width": len(strip) * (SIDE_PX + _GAP_PX) - _GAP_PX,
+        "width": _MOST_SHOTS * (SIDE_PX + _GAP_PX) - _GAP_PX,
         "side": SIDE_PX,
         "shots": [
             {
@@ -43,8 +45,10 @@ def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
             }
             for k, (role, shot) in enumerate(strip)
         ],
-        "wrong": _WRONG[film.alert.type],
-        "error": _error_figure(run, film, f"film{index}"),
+        "right": _TOLD[film.alert.type][0],
+        "wrong": _TOLD[film.alert.type][1],
+        "has_error": _has_error(film),
+        "figure": _figure(run, film, f"film{index}"),
     }
 
 
@@ -93,12 +97,17 @@ def _words(run: Run, film: Film) -> str:
             f"same object: its corners were followed all the way through. {alarm}"
         )
     return (
-        f"From {onset_s:.2f} s on {source} reports {name} where the picture shows no object: the corners in its box "
-        f"do not move as one that stands or drives there. {alarm}"
+        f"From {onset_s:.2f} s on {source} is seen to report {name} where nothing stands: the corners in its box are "
+        f"those of the ground or the wall behind it. {alarm}"
     )
 
 
-def _error_figure(run: Run, film: Film, name: str) -> str:
+def _has_error(film: Film) -> bool:
+    """Whether its corners are evidence: those in a box with nothing in it are the background's."""
+    return film.alert.type is not AlertType.OBSTACLE_INJECTION
+
+
+def _figure(run: Run, film: Film, name: str) -> str:
     """``e^L`` over time, the span of the lie, and below it what the detector told."""
     seconds = run.trace.since_start_s([shot.stamp_ns for shot in film.shots])
     error = np.array([np.nan if s.error_px2 is None else max(s.error_px2, _LEAST_PX2) for s in film.shots])
@@ -112,25 +121,33 @@ def _error_figure(run: Run, film: Film, name: str) -> str:
 
     def draw(figure: Any) -> None:
         axes = figure.subplots()
-        axes.set_yscale("log")
-        axes.set_ylim(_LEAST_PX2 * 0.25, _PAPER_LIMIT_PX2 * 3.0)
+        if _has_error(film):
+            _draw_error(axes, seconds, error)
+        else:
+            axes.set_yticks([])
         axes.axvspan(onset, end, color=ALERT, alpha=0.12, linewidth=0)
         axes.axvline(raised, color=ALERT, linewidth=1.2)
-        axes.axhline(_PAPER_LIMIT_PX2, color=QUIET, linewidth=1.0, linestyle=(0, (5, 3)))
-        axes.annotate(
-            "20 px²: above, the pixels would not be the object's", (0.005, _PAPER_LIMIT_PX2), fontsize=8,
-            xycoords=("axes fraction", "data"), textcoords="offset points", xytext=(0, 3), color="#555555",
-        )  # fmt: skip
-        axes.plot(seconds, error, color="#222222", linewidth=1.1, marker=".", markersize=4)
         for status, color in (("reported", SEEN), ("missing", ALERT)):
             at = [t for t, s in zip(seconds, film.shots, strict=True) if _row(film, s) == status]
             axes.plot(at, [_LEAST_PX2 * 0.45] * len(at), linestyle="", marker="s", markersize=4, color=color)
-        axes.set_yticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"])
-        axes.minorticks_off()
         axes.set_xlabel("time since the first frame [s]")
-        axes.set_ylabel("error [px²]")
 
-    return svg(draw, (9.0, 2.1), name)
+    return svg(draw, (9.0, 2.1 if _has_error(film) else 0.75), name)
+
+
+def _draw_error(axes: Any, seconds: FloatArray, error: FloatArray) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(_LEAST_PX2 * 0.25, _PAPER_LIMIT_PX2 * 4.0)
+    axes.axhline(_PAPER_LIMIT_PX2, color=QUIET, linewidth=1.0, linestyle=(0, (5, 3)))
+    axes.annotate(
+        "20 px², the paper's limit (T4): above it the pixels would no longer be the object's",
+        (0.005, _PAPER_LIMIT_PX2), fontsize=8, xycoords=("axes fraction", "data"), textcoords="offset points",
+        xytext=(0, 3), color="#555555",
+    )  # fmt: skip
+    axes.plot(seconds, error, color="#222222", linewidth=1.1, marker=".", markersize=4)
+    axes.set_yticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"])
+    axes.minorticks_off()
+    axes.set_ylabel("corners apart [px²]")
 
 
 def _row(film: Film, shot: Shot) -> str:

@@ -19,6 +19,7 @@ from belie.evaluation.film_figure import film_content
 from belie.evaluation.run import Run
 from belie.evaluation.score import Score
 from belie.evaluation.snapshots import Snapshot
+from belie.geometry import FloatArray
 from belie.types import RecordingError, Status
 
 _JPEG_QUALITY = 82
@@ -123,6 +124,7 @@ def _score_rows(run: Run, result: Score) -> dict[str, Any]:
 def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:
     """A frame as JPEG, and its corners as numbers for SVG."""
     height, width = snapshot.image.shape
+    found = snapshot.object
     ok, data = cv2.imencode(".jpg", snapshot.image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     assert ok
     length = np.linalg.norm(snapshot.expected_px - snapshot.observed_px, axis=1)
@@ -133,8 +135,17 @@ def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:
         "words": words.snapshot_words(run, snapshot),
         "width": width,
         "height": height,
-        "radius": max(2.0, width / 330),
+        "radius": max(2.0, width / 330) * (1.0 if found is None else 0.5),
+        "line": max(1.5, width / 500),
         "data": base64.b64encode(data.tobytes()).decode("ascii"),
         "corners": corners.round(1).tolist(),
         "is_alert": snapshot.alert is not None,
+        "box": None if found is None else _placed(found.box_px, snapshot),
+        "told": None if found is None or found.detected_px is None else _placed(found.detected_px, snapshot),
     }
+
+
+def _placed(box_px: FloatArray, snapshot: Snapshot) -> list[float]:
+    """Edges of the camera's image, in the picture: left, top, width, height."""
+    left, top, right, bottom = (box_px * snapshot.scale - 0.5).tolist()
+    return [round(x, 1) for x in (left, top, right - left, bottom - top)]

@@ -87,7 +87,8 @@ def alert_row(run: Run, traced: TracedAlert) -> dict[str, str]:
     return {
         "type": type_name(alert.type),
         "identifier": alert.type.value,
-        "source": alert.source if traced.object is None else f"{alert.source}, {traced.object}",
+        "source": alert.source,
+        "object": traced.object or "",
         "onset": f"{onset_s:.2f} s (frame {run.trace.frame_at(alert.onset_ns)})",
         "raised": f"{raised_s:.2f} s (frame {raised.frame})",
         "delay": f"{traced.delay_ns * 1e-9:.2f} s",
@@ -100,13 +101,17 @@ def snapshot_title(run: Run, snapshot: Snapshot) -> str:
     """Which frame this is, and why it is shown."""
     second = run.trace.since_start_s([snapshot.stamp_ns])[0]
     where = f"Frame {snapshot.number}, {second:.2f} s"
+    found = snapshot.object
     if snapshot.alert is None:
         return f"{where}: the frame that came nearest to an alert"
-    return f"{where}: {type_name(snapshot.alert.type)}, {snapshot.alert.source}"
+    named = "" if found is None else f", {found.label} {found.name}"
+    return f"{where}: {type_name(snapshot.alert.type)}{named}, {snapshot.alert.source}"
 
 
 def snapshot_words(run: Run, snapshot: Snapshot) -> str:
     """What the corners of this picture show."""
+    if snapshot.basis == "object":
+        return _object_words(snapshot)
     if math.isnan(snapshot.displacement_px):
         return "No corners could be drawn in this frame."
     apart = f"They lie {snapshot.displacement_px:.1f} px apart (median, in the full image)."
@@ -128,6 +133,24 @@ def snapshot_words(run: Run, snapshot: Snapshot) -> str:
         elif snapshot.alert is not None and snapshot.alert.type is AlertType.ODOMETRY_SPOOFING:
             words += " Over so short a time the lie is small; it was found because it went on and on."
     return words
+
+
+def _object_words(snapshot: Snapshot) -> str:
+    found = snapshot.object
+    if found is None:
+        return "The accused object is not followed in this frame."
+    name = f"{found.label} {found.name}"
+    told = "Solid box: where the detector reports it. " if found.detected_px is not None else ""
+    if snapshot.alert is not None and snapshot.alert.type is AlertType.OBSTACLE_INJECTION:
+        return (
+            f"{told}Its dots are corners of what is behind the box. The dashed box is carried along by them."
+        )
+    apart = (
+        ""
+        if math.isnan(snapshot.displacement_px)
+        else f" Its corners lie {snapshot.displacement_px:.1f} px (median, full image) from where it was expected."
+    )
+    return f"{told}Dashed box: {name} by its own pixels.{apart}"
 
 
 def floor_rows(run: Run) -> list[dict[str, str]]:

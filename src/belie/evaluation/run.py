@@ -238,7 +238,7 @@ def run_detector(
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
             )
-            snapshots.add(view, verdict, detector.estimate)
+            snapshots.add(view, verdict, detector.estimate, objects)
             if on_verdict is not None:
                 on_verdict(verdict)
     finished = trace.finish()

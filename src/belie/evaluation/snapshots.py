@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
 
 from belie.evaluation.expected_corners import View, corners_under_claim
+from belie.evaluation.film import OBJECT_ALERTS
 from belie.geometry import FloatArray
 from belie.types import Alert, GrayImage, MountedCamera, Verdict, VisualEstimate
 
-Basis = Literal["claim", "prediction"]
+if TYPE_CHECKING:
+    from belie.detector.object_view import ObjectView
+
+Basis = Literal["claim", "prediction", "object"]
 
 _RING_FRAMES = 10  # 20 MB at 1080p
 _MOST_ALERTS = 6
@@ -37,12 +41,16 @@ class Snapshot:
         The picture.
     observed_px, expected_px : array (N, 2)
         Where each corner is, and where it was expected, pixels of `image`.
-    basis : "claim" or "prediction"
-        Expected if the claim was true; or predicted by equations (4) and (5).
+    basis : "claim", "prediction" or "object"
+        Expected if the claim was true; predicted by equations (4) and (5); or of the accused object, by its motion.
     since_ns : int
         The claimed motion is that since this stamp.
     displacement_px : float
         Median distance between the two, pixels of the camera's image; NaN without corners.
+    object : ObjectView or None
+        The accused object, in pixels of the camera's image, where the alert names one that is followed.
+    scale : float
+        Pixels of `image` a pixel of the camera's image.
     """
 
     number: int
@@ -54,6 +62,8 @@ class Snapshot:
     basis: Basis
     since_ns: int
     displacement_px: float
+    object: ObjectView | None = None
+    scale: float = 1.0
 
 
 class SnapshotRecorder:
@@ -73,12 +83,22 @@ class SnapshotRecorder:
         self._nearest: tuple[tuple[View, ...], VisualEstimate | None] | None = None
         self._nearest_ratio = 0.0
 
-    def add(self, view: View, verdict: Verdict, estimate: VisualEstimate | None) -> None:
+    def add(
+        self,
+        view: View,
+        verdict: Verdict,
+        estimate: VisualEstimate | None,
+        objects: Iterable[ObjectView] = (),
+    ) -> None:
         """Take in a frame, the verdict on it and what was seen in it."""
         self._ring.append(view)
+        seen = {(each.source, each.name): each for each in objects}
         for alert in verdict.alerts:
             if len(self._taken) < _MOST_ALERTS:
-                self._taken.append(self._snapshot(tuple(self._ring), estimate, alert))
+                if alert.type in OBJECT_ALERTS:
+                    self._taken.append(_of_object(view, alert, seen.get((alert.source, alert.object or ""))))
+                else:
+                    self._taken.append(self._snapshot(tuple(self._ring), estimate, alert))
                 self._nearest = None
         if not self._taken:
             self._keep_if_nearest(verdict, estimate)
@@ -130,6 +150,26 @@ class SnapshotRecorder:
         return _shrunk(snapshot)
 
 
+def _of_object(view: View, alert: Alert, found: ObjectView | None) -> Snapshot:
+    """The frame with the accused object and its own corners: those of the camera's motion say nothing about it."""
+    none = np.empty((0, 2))
+    observed, expected = (none, none) if found is None else (found.observed_px, found.predicted_px)
+    return _shrunk(
+        Snapshot(
+            number=view.number,
+            stamp_ns=view.frame.stamp_ns,
+            alert=alert,
+            image=view.frame.image,
+            observed_px=observed,
+            expected_px=expected,
+            basis="object",
+            since_ns=view.frame.stamp_ns,
+            displacement_px=_median_length(expected - observed),
+            object=found,
+        )
+    )
+
+
 def _median_length(displacement: FloatArray) -> float:
     return float(np.median(np.linalg.norm(displacement, axis=1))) if len(displacement) else math.nan
 
@@ -147,4 +187,5 @@ def _shrunk(snapshot: Snapshot) -> Snapshot:
         image=np.asarray(image, dtype=np.uint8),
         observed_px=(snapshot.observed_px[chosen] + 0.5) * factor - 0.5,
         expected_px=(snapshot.expected_px[chosen] + 0.5) * factor - 0.5,
+        scale=factor,
     )
