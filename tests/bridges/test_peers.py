@@ -153,7 +153,8 @@ def test_zenoh(attacked, answers_of_check, start, tmp_path):
 
 
 @pytest.mark.skipif(
-    not in_ci() and not DEBIAN_ROSPY.is_dir(), reason="apt install python3-rospy python3-rosmaster"
+    not in_ci() and not DEBIAN_ROSPY.is_dir(),
+    reason="apt install python3-rosmaster python3-rospy python3-nav-msgs python3-geometry-msgs",
 )
 def test_ros1(attacked, answers_of_check, start, tmp_path):
     port = str(free_port())
