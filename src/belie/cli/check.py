@@ -134,11 +134,11 @@ def check(
             advance()
 
         run = run_detector(recording, settings, on_verdict=on_verdict)
+    if report is not None:  # before the table: whoever reads that through `head` hangs up
+        _write_report(run, report, truth)
     print_summary(run, labels=truth, to_stderr=json == STDOUT)
     tell_damage(recording)
     _mention_labels(source, labels)
-    if report is not None:
-        _write_report(run, report, truth)
     if run.alerts:
         raise typer.Exit(ALERT_RAISED)
 
