@@ -152,10 +152,18 @@ class ObjectStream:
             self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
+        self._name([self.tracks[i] for i in found], {self.tracks[i].name for i in lost})
         self._drop_doubles({id(self.tracks[i]) for i in found})
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
         self._share_out()
+
+    def _name(self, told: Sequence[ObjectTrack], missing: set[str]) -> None:
+        """Call objects by their detector's ids; what is accused or missing keeps the name that it had."""
+        for track in told:
+            is_accused = track.naming.accused or track.hiding.accused or track.phantom.accused
+            if track.track_id and not is_accused and track.track_id not in missing:
+                track.name = track.track_id
 
     def _drop_doubles(self, told: set[int]) -> None:
         """Let go of a place where an id was told of for a while, once it is back at the object that bore it before.
@@ -285,10 +293,6 @@ class ObjectStream:
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = detection.track_id
-            # What is accused keeps the name that its alert bore, and no two have one name.
-            is_accused = track.naming.accused or track.hiding.accused or track.phantom.accused
-            if track.name != detection.track_id and not is_accused and not self._is_taken(detection.track_id):
-                track.name = detection.track_id
         # Never learn from what is suspected, where the old name is as well founded as an accusation must be.
         if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
             track.votes[group] = track.votes.get(group, 0.0) + vote
