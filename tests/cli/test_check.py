@@ -162,3 +162,40 @@ def test_damaged_files_are_one_line(run, tmp_path, attacked):
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1, result.stderr
         assert str(path) in result.stderr
+
+
+@pytest.fixture
+def boxes(tmp_path):
+    """A CSV file of three boxes of one label in each of thirty frames, shifted to the right by some pixels."""
+
+    def write(label="car", right_px=0):
+        lines = ["frame,track_id,label,left,top,right,bottom"]
+        for frame in range(30):
+            for k in range(3):
+                left = 10 + 90 * k + right_px
+                lines.append(f"{frame},{k},{label},{left},{70 * k + 10},{left + 50},{70 * k + 50}")
+        path = tmp_path / "boxes.csv"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("command", ["check", "info"])
+def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
+    out = " ".join(run(command, drive, "--detections", boxes(right_px=5000)).stderr.split())
+    assert "belie: warning: " in out
+    assert (
+        "90 of 90 boxes are outside the image of 320x240 px (first in line 2) and left out; give left" in out
+    )
+    out = " ".join(run(command, drive, "--detections", boxes(label="wombat")).stderr.split())
+    assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out
+    assert "objects.classes.groups" in out
+    assert "warning" not in run(command, drive, "--detections", boxes()).stderr
+
+
+def test_the_summary_tells_of_objects(run, drive, boxes):
+    result = run("check", drive, "--detections", boxes())
+    line = next(line for line in result.stdout.splitlines() if line.startswith("objects"))
+    assert "/detections: 30 messages, 90 boxes, 3 objects; " in line
+    assert "objects  " not in run("check", drive).stdout

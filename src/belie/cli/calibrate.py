@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from belie.cli.damage import tell_damage
+from belie.cli.detection_warnings import tell_detections
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
@@ -87,6 +88,7 @@ def calibrate(
         found = learn_from(recordings, settings, on_frame=advance)
     for recording in recordings:
         tell_damage(recording)
+        tell_detections(recording)
     words = found.words()
     header = "\n".join(
         ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]

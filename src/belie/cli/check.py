@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from belie.cli.damage import tell_damage
+from belie.cli.detection_warnings import tell_detections
 from belie.cli.errors import ALERT_RAISED, keep_apart
 from belie.cli.options import (
     CameraInfo,
@@ -138,6 +139,7 @@ def check(
         _write_report(run, report, truth)
     print_summary(run, labels=truth, to_stderr=json == STDOUT)
     tell_damage(recording)
+    tell_detections(recording, run.told, settings.objects.classes if run.profile == "default" else None)
     _mention_labels(source, labels)
     if run.alerts:
         raise typer.Exit(ALERT_RAISED)
