@@ -21,8 +21,8 @@ def tell_detections(
     >>> tell_detections(object())
     """
     lines = list(getattr(recording, "warnings", ()))
-    for stream in told if classes is not None else ():
-        found = stream.ungrouped(classes)
+    for stream in told:
+        found = {} if classes is None else stream.ungrouped(classes)
         if found:
             named = ", ".join(f"{label!r} ({n})" for label, n in list(found.items())[:_MOST_NAMED])
             more = f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
