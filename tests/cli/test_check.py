@@ -37,6 +37,10 @@ def test_json_alone_on_stdout(run, attacked):
     frame, alert = alerts[0]
     assert 60 <= frame <= 63
     assert (alert["type"], alert["source"], alert["object"]) == ("odometry_spoofing", "/odom", None)
+    assert set(alert) == {"type", "source", "onset_ns", "object", "because"}
+    reasons = [c["reason"] for c in verdicts[frame]["checks"] if c["status"] == "contradicted"]
+    assert alert["because"] == "; ".join(reasons)
+    assert alert["because"]
     assert "odometry_spoofing" in result.stderr
 
 
