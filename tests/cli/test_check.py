@@ -90,11 +90,13 @@ def test_settings_from_file_and_flags(run, drive, tmp_path):
     assert len(undecided) >= 30
 
 
-def test_a_detector_that_cannot_be_used_is_one_line(run, drive, tmp_path):
+@pytest.mark.parametrize("command", ["check", "info", "calibrate"])
+def test_a_detector_that_cannot_be_used_is_one_line(run, drive, tmp_path, command):
     text = tmp_path / "text.onnx"
     text.write_text("hello")
+    output = ["-o", tmp_path / "belie.toml"] if command == "calibrate" else []
     for model, expected in ((tmp_path / "none.onnx", "no such file"), (text, "is no ONNX model")):
-        result = run("check", drive, "--detector", model)
+        result = run(command, drive, "--detector", model, *output)
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
         assert expected in result.stderr
 

@@ -13,6 +13,9 @@ from belie.cli.options import (
     CameraInfo,
     ConfigFile,
     Detections,
+    DetectorLabels,
+    DetectorModel,
+    DetectorThreads,
     FalseAlarms,
     Image,
     Imu,
@@ -21,6 +24,7 @@ from belie.cli.options import (
     Profile,
     Rate,
 )
+from belie.cli.own_detector import with_own_detector
 
 _MOST_PASSES = 10  # of the whole, at most: the learning passes read two thirds
 
@@ -43,6 +47,9 @@ def calibrate(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector: DetectorModel = None,
+    detector_labels: DetectorLabels = None,
+    detector_threads: DetectorThreads = 2,
     rate: Rate = None,
 ) -> None:
     """Learn how noisy your streams are from attack-free driving, and write it as settings.
@@ -79,9 +86,14 @@ def calibrate(
             position=position,
             imu=imu,
             detections=detections,
+            detection_names=detector_labels,
             rate_hz=rate,
         )
         for source in sources
+    ]
+    recordings = [
+        with_own_detector(recording, detector, detector_labels, detector_threads, remember=True)
+        for recording in recordings
     ]
     frames = sum(frame_count(recording) for recording in recordings)
     with progress("calibrating", frames * _MOST_PASSES) as advance:

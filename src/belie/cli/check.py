@@ -28,6 +28,7 @@ from belie.cli.options import (
     Rate,
     Source,
 )
+from belie.cli.own_detector import with_own_detector
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -114,11 +115,7 @@ def check(
         detection_names=detector_labels,
         rate_hz=rate,
     )
-    if detector is not None:
-        from belie.recordings.onnx_detector import OnnxDetector, OnnxSettings, with_detector
-
-        model = OnnxDetector(detector, names=detector_labels, settings=OnnxSettings(threads=detector_threads))
-        recording = with_detector(recording, model)
+    recording = with_own_detector(recording, detector, detector_labels, detector_threads)
     if report is not None:
         keep_apart(source, report, "--report")
         _require_folder(report)

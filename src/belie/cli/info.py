@@ -13,6 +13,8 @@ from belie.cli.options import (
     CameraInfo,
     Detections,
     DetectorLabels,
+    DetectorModel,
+    DetectorThreads,
     Image,
     Imu,
     Odometry,
@@ -20,6 +22,7 @@ from belie.cli.options import (
     Rate,
     Source,
 )
+from belie.cli.own_detector import with_own_detector
 
 if TYPE_CHECKING:
     from belie.evaluation.told_objects import ToldObjects
@@ -40,7 +43,9 @@ def info(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector: DetectorModel = None,
     detector_labels: DetectorLabels = None,
+    detector_threads: DetectorThreads = 2,
     rate: Rate = None,
 ) -> None:
     """Show a recording's streams (types, rates, spans, gaps), its camera, and what 'belie check' would use.
@@ -73,6 +78,7 @@ def info(
     except RecordingError:
         info_table.print_streams(list_topics(source))
         raise
+    recording = with_own_detector(recording, detector, detector_labels, detector_threads)
     print(f"{recording.path} ({recording.format})")
     info_table.print_streams(recording.streams)
     info_table.print_cameras(recording)
