@@ -174,8 +174,9 @@ def test_damaged_files_are_one_line(run, tmp_path, attacked):
 def boxes(tmp_path):
     """A CSV file of three boxes of one label in each of thirty frames, shifted to the right by some pixels."""
 
-    def write(label="car", right_px=0):
+    def write(label="car", right_px=0, seldom=""):
         lines = ["frame,track_id,label,left,top,right,bottom"]
+        lines += [f"{frame},sign,{seldom},250,180,280,220" for frame in range(5 if seldom else 0)]
         for frame in range(30):
             for k in range(3):
                 left = 10 + 90 * k + right_px
@@ -198,6 +199,8 @@ def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
     assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out
     assert "objects.classes.groups" in out
     assert "warning" not in run(command, drive, "--detections", boxes()).stderr
+    is_told = "'stop sign' (5)" in run(command, drive, "--detections", boxes(seldom="stop sign")).stderr
+    assert is_told == (command == "info")
 
 
 def test_the_summary_tells_of_objects(run, drive, boxes):

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from belie.types import Verdict
 
 STDOUT = Path("-")
+_LEAST_UNGROUPED = 0.1  # of the boxes: fewer in no class group are no sign of misnamed classes
 
 
 def check(
@@ -136,7 +137,8 @@ def check(
         _write_report(run, report, truth)
     print_summary(run, labels=truth, to_stderr=json == STDOUT)
     tell_damage(recording)
-    tell_detections(recording, run.told, settings.objects.classes if run.profile == "default" else None)
+    classes = settings.objects.classes if run.profile == "default" else None
+    tell_detections(recording, run.told, classes, least_share=_LEAST_UNGROUPED)
     _mention_labels(source, labels)
     if run.alerts:
         raise typer.Exit(ALERT_RAISED)

@@ -14,16 +14,22 @@ _MOST_NAMED = 5
 
 
 def tell_detections(
-    recording: object, told: Iterable[ToldObjects] = (), classes: ClassGroups | None = None
+    recording: object,
+    told: Iterable[ToldObjects] = (),
+    classes: ClassGroups | None = None,
+    *,
+    least_share: float = 0.0,
 ) -> None:
     """Say what of a file of detections was left out, and which labels no group of `classes` holds.
+
+    Labels are told of where that share of all boxes has such: a few road signs among cars need no group.
 
     >>> tell_detections(object())
     """
     lines = list(getattr(recording, "warnings", ()))
     for stream in told:
         found = {} if classes is None else stream.ungrouped(classes)
-        if found:
+        if found and sum(found.values()) >= least_share * stream.boxes:
             named = ", ".join(f"{label!r} ({n})" for label, n in list(found.items())[:_MOST_NAMED])
             more = f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
             count = f"{sum(found.values())} of {stream.boxes} boxes"
