@@ -31,7 +31,6 @@ def told(*frames, settings=None):
 def test_an_object_that_can_be_judged_once_is_judged():
     found = told(*[[view("1")]] * 3, [view("1", corners=0)])
     assert (found.objects, found.unjudged) == (1, {})
-    assert found.in_words().endswith("1 objects; 1 could be judged")
 
 
 @pytest.mark.parametrize(
@@ -46,7 +45,17 @@ def test_an_object_that_can_be_judged_once_is_judged():
 def test_an_object_that_never_can_be_says_why(changes, why):
     found = told(*[[view("1"), view("2", **changes)]] * 3)
     assert (found.objects, found.unjudged) == (2, {why: 1})
-    assert found.in_words().endswith(f"2 objects; 1 could be judged, 1 never: {why}")
+    assert found.in_words().endswith(f"2 objects; 1 could be judged, 1 never (mainly: {why})")
+
+
+def test_where_an_object_could_not_be_judged_is_told():
+    leaving = view("1", box_px=(-60, 100, 60, 160), status="missing")
+    found = told(*[[view("1"), view("2")]] * 4, [leaving, view("2")], [view("1", status="not told")])
+    # Each is asked of from its third message on; frames without a message do not count.
+    assert (found.asked, found.unjudged, found.withheld) == (6, {}, {"less than 70% of it in the image": 1})
+    assert found.in_words().endswith(
+        "2 could be judged but for 17% of their messages (mainly: less than 70% of it in the image)"
+    )
 
 
 def test_labels_are_those_under_which_objects_came():

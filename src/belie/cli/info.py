@@ -88,7 +88,7 @@ def info(
     for line in unjudged:
         print(line)
     for stream in told:
-        print(f"  {stream.source}: {stream.boxes} boxes in {stream.messages} messages")
+        print(f"  {stream.in_words()}")
     tell_detections(recording, told, ClassGroups())
 
 

@@ -33,6 +33,10 @@ class ToldObjects:
         How many different ones were followed.
     unjudged : mapping of str to int, or None
         Of those, how many could never be judged, by the reason; None where that is not known.
+    asked : int
+        Frames with a message, for each object that could be judged once, since it had been told of often enough.
+    withheld : mapping of str to int
+        In how many of those it could not be judged, by the reason.
     """
 
     source: str
@@ -41,6 +45,8 @@ class ToldObjects:
     labels: Mapping[str, int]
     objects: int
     unjudged: Mapping[str, int] | None = None
+    asked: int = 0
+    withheld: Mapping[str, int] = field(default_factory=dict)
 
     def ungrouped(self, classes: ClassGroups) -> dict[str, int]:
         """Boxes under labels that no group holds, the most frequent first.
@@ -58,26 +64,36 @@ class ToldObjects:
         """Messages, boxes and objects, and how many of these could not be judged, with the main reason.
 
         >>> ToldObjects(source="/d", messages=9, boxes=12, labels={}, objects=3, unjudged={"small": 1}).in_words()
-        '/d: 9 messages, 12 boxes, 3 objects; 2 could be judged, 1 never: small'
+        '/d: 9 messages, 12 boxes, 3 objects; 2 could be judged, 1 never (mainly: small)'
         """
-        said = f"{self.source}: {self.messages} messages, {self.boxes} boxes, {self.objects} objects"
-        if not self.objects or self.unjudged is None:
+        said = f"{self.source}: {self.messages} messages, {self.boxes} boxes"
+        if self.unjudged is None:
             return said
-        never = sum(self.unjudged.values())
-        said += f"; {self.objects - never} could be judged"
-        if not never:
+        said += f", {self.objects} objects"
+        if not self.objects:
             return said
-        reason, count = max(self.unjudged.items(), key=lambda item: item[1])
-        return f"{said}, {never} never: {reason}" + (f" ({count} of them)" if count < never else "")
+        said += f"; {self.objects - sum(self.unjudged.values())} could be judged"
+        if self.withheld:
+            share = sum(self.withheld.values()) / self.asked
+            said += f" but for {share:.0%} of their messages ({_main(self.withheld)})"
+        if self.unjudged:
+            said += f", {sum(self.unjudged.values())} never ({_main(self.unjudged)})"
+        return said
+
+
+def _main(reasons: Mapping[str, int]) -> str:
+    return f"mainly: {max(reasons, key=lambda reason: reasons[reason])}"
 
 
 @dataclass(slots=True)
 class _Object:
-    """How far one object came on the way to a judgement; None in `missing` where it came to its end."""
+    """How far one object came on the way to a judgement; None in `lacks` where it once came to its end."""
 
     told: int = 0
     passed: int = -1
-    missing: str | None = ""
+    lacks: str | None = ""
+    asked: int = 0
+    withheld: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(slots=True)
@@ -108,7 +124,7 @@ class ToldObjectsRecorder:
     >>> car = Detection(label="car", score=0.9, track_id="7", box_px=[0, 0, 40, 30])
     >>> recorder.hear([DetectionClaim(source="/d", stamp_ns=0, received_ns=0, detections=(car,))])
     >>> recorder.finish()[0].in_words()
-    '/d: 1 messages, 1 boxes, 0 objects'
+    '/d: 1 messages, 1 boxes'
     """
 
     def __init__(self, settings: ObjectSettings | None = None) -> None:
@@ -134,27 +150,36 @@ class ToldObjectsRecorder:
         for view in views:
             known = self._streams.setdefault(view.source, _Stream()).objects.setdefault(view.name, _Object())
             known.told += view.status == "reported"
-            if known.missing is None or self._settings is None:
+            if self._settings is None:
                 continue
             asked = _asked(self._settings, view, known.told, size)
             passed = next((index for index, (holds, _) in enumerate(asked) if not holds), None)
             if passed is None:
-                known.missing = None
-            elif passed > known.passed:
-                known.passed, known.missing = passed, asked[passed][1]
+                known.lacks = None
+            elif known.lacks is not None and passed > known.passed:
+                known.passed, known.lacks = passed, asked[passed][1]
+            if passed != 0 and view.status != "not told":
+                known.asked += 1
+                if passed is not None:
+                    known.withheld[asked[passed][1]] += 1
 
     def finish(self) -> tuple[ToldObjects, ...]:
         """What was told so far, a detector each."""
-        return tuple(
-            ToldObjects(
-                source=source,
-                messages=stream.messages,
-                boxes=stream.boxes,
-                labels=dict(stream.labels),
-                objects=len(stream.objects),
-                unjudged=None if self._settings is None else _missing(stream.objects.values()),
-            )
-            for source, stream in self._streams.items()
+        return tuple(self._told(source, stream) for source, stream in self._streams.items())
+
+    def _told(self, source: str, stream: _Stream) -> ToldObjects:
+        objects = stream.objects.values()
+        judged = [known for known in objects if known.lacks is None]
+        unjudged = Counter(known.lacks for known in objects if known.lacks is not None)
+        return ToldObjects(
+            source=source,
+            messages=stream.messages,
+            boxes=stream.boxes,
+            labels=dict(stream.labels),
+            objects=len(objects),
+            unjudged=None if self._settings is None else unjudged,
+            asked=sum(known.asked for known in judged),
+            withheld=sum((known.withheld for known in judged), Counter[str]()),
         )
 
 
@@ -169,7 +194,3 @@ def _asked(s: ObjectSettings, view: ObjectView, told: int, size: tuple[int, int]
         ),
         (len(view.observed_px) >= LEAST_CORNERS, f"fewer than {LEAST_CORNERS} corners that move with it"),
     ]
-
-
-def _missing(objects: Iterable[_Object]) -> Counter[str]:
-    return Counter(known.missing for known in objects if known.missing is not None)
