@@ -35,7 +35,13 @@ def detection_attacks() -> list[AttackKind]:
         meaning="probability per message that the detector is fooled",
     )
     table: list[tuple[str, str, tuple[Option, ...], str | None]] = [
-        ("hide", "one object is left out of the message", (), None),
+        (
+            "hide",
+            "one object is left out of the message. belie does not miss one of which less than 70 % is inside the "
+            "image: the largest may be a car at its edge",
+            (),
+            None,
+        ),
         (
             "relabel",
             "one object gets another label; box, position and id stay. belie does not contradict a label of the same "
