@@ -193,7 +193,8 @@ def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
     out = " ".join(run(command, drive, "--detections", boxes(right_px=5000)).stderr.split())
     assert "belie: warning: " in out
     assert (
-        "90 of 90 boxes are outside the image of 320x240 px (first in line 2) and left out; give left" in out
+        "90 of 90 boxes have no area inside the image of 320x240 px (first in line 2) and are left out; give left"
+        in out
     )
     out = " ".join(run(command, drive, "--detections", boxes(label="wombat")).stderr.split())
     assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out

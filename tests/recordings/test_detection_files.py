@@ -149,7 +149,8 @@ def test_what_is_out_of_the_image_is_left_out_and_counted(tmp_path, folder):
     assert recording.join_counts.outside["/detections"] == 2
     (warning,) = recording.warnings
     assert (
-        "2 of 3 boxes are outside the image of 64x48 px (first in line 2) and left out; give left" in warning
+        "2 of 3 boxes have no area inside the image of 64x48 px (first in line 2) and are left out; give left"
+        in warning
     )
 
 
@@ -160,7 +161,7 @@ def test_rows_that_stand_there_twice_are_left_out_and_counted(tmp_path, folder):
     assert told(recording) == {0: ["car", "car"], 1: [], 2: [], 3: ["van"]}  # another id is another object
     assert recording.join_counts.repeated["/detections"] == 2
     (warning,) = recording.warnings
-    assert "2 of 5 boxes are in the file more than once (first in line 6) and left out" in warning
+    assert "2 of 5 boxes stand in the file more than once (first in line 6) and are left out" in warning
     assert open_recording(folder, detections=str(write(tmp_path, CSV))).warnings == ()
 
 

@@ -31,7 +31,7 @@ _MISHAPS = {
     "lost": "counted by the index, but not in the data: the file is damaged",
     "undecodable": "images or messages that cannot be decoded (skipped)",
     "invalid": "GNSS messages without a fix (skipped)",
-    "outside": "boxes outside the image (skipped)",
+    "outside": "boxes that have no area inside the image (skipped)",
     "repeated": "boxes that stand in the file more than once (skipped)",
 }
 

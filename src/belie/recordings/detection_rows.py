@@ -67,7 +67,7 @@ class FramedDetections:
     claims : tuple of DetectionClaim
         In the order of their stamps.
     outside : int
-        Boxes that no image holds.
+        Boxes that have no area inside the image.
     repeated : int
         Rows that say again what another row of the frame says.
     warnings : tuple of str
@@ -150,10 +150,10 @@ def on_frames(
     told = (
         (
             outside,
-            f"outside the image of {size}",
+            f"have no area inside the image of {size}",
             "give left, top, right, bottom edges in pixels of these very images",
         ),
-        (repeated, "in the file more than once", "write one row for each object of a frame"),
+        (repeated, "stand in the file more than once", "write one row for each object of a frame"),
     )
     of = sum(row.detection is not None for row in table.rows)
     return FramedDetections(
@@ -161,8 +161,8 @@ def on_frames(
         outside=len(outside),
         repeated=len(repeated),
         warnings=tuple(
-            f"{table.path}: {len(rows)} of {of} boxes are {where} (first in line {rows[0].line}) and left out; {advice}"
-            for rows, where, advice in told
+            f"{table.path}: {len(rows)} of {of} boxes {what} (first in line {rows[0].line}) and are left out; {advice}"
+            for rows, what, advice in told
             if rows
         ),
     )

@@ -31,7 +31,7 @@ class JoinCounts:
     invalid : Counter
         GNSS messages without a fix (skipped).
     outside : Counter
-        Boxes of a detections file outside the image (skipped).
+        Boxes of a detections file that have no area inside the image (skipped).
     repeated : Counter
         Rows of a detections file that say again what another one says (skipped).
 
