@@ -68,7 +68,9 @@ def learn_habits(
     measuring = changed(config, nobody) if from_accused else config
     found: dict[str, float] = {}
     words, messages = [], 0.0
-    most: dict[str, float] = {}  # messages about objects that one part holds, by detector
+    # Messages about objects that one part holds, by detector: also by those that are silent while it teaches.
+    streams = (stream for part in parts for stream in getattr(part, "streams", ()))
+    most = {stream.topic: 0.0 for stream in streams if stream.used and stream.role == "detections"}
     for part in parts:
         detector = Detector(part.cameras, measuring)
         for step in part.steps():
