@@ -97,7 +97,9 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "changed": {name: value for name, (value, _) in changed.items() if name != "profile"},
         "false_alarms_per_hour": getattr(sequential, "false_alarms_per_hour", None),
         "settings": to_toml(run.config),
-        "colors": {name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET")},
+        "colors": {
+            name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET", "OWN")
+        },
     }
 
 
@@ -140,9 +142,26 @@ def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:
         "data": base64.b64encode(data.tobytes()).decode("ascii"),
         "corners": corners.round(1).tolist(),
         "is_alert": snapshot.alert is not None,
-        "box": None if found is None else _placed(found.box_px, snapshot),
-        "told": None if found is None or found.detected_px is None else _placed(found.detected_px, snapshot),
+        "boxes": _boxes(snapshot),
     }
+
+
+def _boxes(snapshot: Snapshot) -> list[dict[str, Any]]:
+    """What is drawn around an accused object: by its own pixels dashed, and solid where the detector tells of it."""
+    found = snapshot.object
+    if found is None:
+        return []
+    source, name = found.source, f"{found.label} {found.name}"
+    called = f"{found.told_label} {snapshot.told_id}".rstrip()
+    drawn = [(found.box_px, figures.OWN, True, f"{name}, by its own pixels")]
+    if found.detected_px is not None:
+        drawn.append((found.detected_px, figures.ALERT, False, f"{called}, says {source}"))
+    if snapshot.elsewhere_px is not None:
+        drawn.append((snapshot.elsewhere_px, figures.ALERT, False, f"{name}, says {source}"))
+    return [
+        {"edges": _placed(box, snapshot), "color": color, "dashed": dashed, "text": text, "below": k > 0}
+        for k, (box, color, dashed, text) in enumerate(drawn)
+    ]
 
 
 def _placed(box_px: FloatArray, snapshot: Snapshot) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 from belie.evaluation.run import Run
 from belie.evaluation.snapshots import Snapshot
 from belie.evaluation.traced_alert import TracedAlert
+from belie.geometry import FloatArray
 from belie.types import AlertType, Status
 
 _ACCUSATIONS = {
@@ -140,17 +141,42 @@ def _object_words(snapshot: Snapshot) -> str:
     if found is None:
         return "The accused object is not followed in this frame."
     name = f"{found.label} {found.name}"
-    told = "Solid box: where the detector reports it. " if found.detected_px is not None else ""
+    called = f"{found.told_label} {snapshot.told_id}".rstrip()
+    told = f"Solid box: where the detector reports {called}. " if found.detected_px is not None else ""
     if snapshot.alert is not None and snapshot.alert.type is AlertType.OBSTACLE_INJECTION:
         return (
             f"{told}Its dots are corners of what is behind the box. The dashed box is carried along by them."
         )
+    if snapshot.elsewhere_px is not None:
+        told += f"Red, {way(found.box_px, snapshot.elsewhere_px)} of it: where the detector reports {name}. "
     apart = (
         ""
         if math.isnan(snapshot.displacement_px)
         else f" Its corners lie {snapshot.displacement_px:.1f} px (median, full image) from where it was expected."
     )
-    return f"{told}Dashed box: {name} by its own pixels.{apart}"
+    missing = " The detector reports nothing there." if found.status == "missing" else ""
+    return f"Dashed box: {name} by its own pixels, {where(found.box_px)}.{missing} {told.rstrip()}{apart}"
+
+
+def where(box_px: FloatArray) -> str:
+    """A box of the image.
+
+    >>> where(np.array([1.0, 2.0, 30.4, 40.0]))
+    'at [1, 2, 30, 40] px'
+    """
+    return "at [" + ", ".join(f"{edge:.0f}" for edge in box_px) + "] px"
+
+
+def way(from_px: FloatArray, to_px: FloatArray) -> str:
+    """How far, and which way, the middle of one box lies from that of another.
+
+    >>> way(np.array([0.0, 0.0, 10.0, 10.0]), np.array([20.0, 1.0, 30.0, 11.0]))
+    '20 px right'
+    """
+    right, down = (0.5 * (to_px[:2] + to_px[2:] - from_px[:2] - from_px[2:])).tolist()
+    if abs(right) >= abs(down):
+        return f"{abs(right):.0f} px {'right' if right > 0 else 'left'}"
+    return f"{abs(down):.0f} px {'below' if down > 0 else 'above'}"
 
 
 def floor_rows(run: Run) -> list[dict[str, str]]:

@@ -17,6 +17,7 @@ from belie.attacks import AttackLabel
 from belie.detector import ObjectView
 from belie.evaluation.expected_corners import View
 from belie.evaluation.film import Film, FilmRecorder
+from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
 from belie.evaluation.trace import STATUSES, Trace, TraceRecorder
@@ -224,7 +225,7 @@ def run_detector(
     """
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
-    alerts, films = AlertRecorder(), FilmRecorder()
+    alerts, films, follower = AlertRecorder(), FilmRecorder(), ObjectFollower(recording.cameras)
     claims_predict = getattr(config, "profile", "default") == "paper"
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
@@ -232,8 +233,9 @@ def run_detector(
             verdict = detector.update(step.frame, step.claims)
             claimed, seen = detector.T_odom_cam_claimed, detector.T_odom_cam_seen
             trace.add(step, verdict, claimed, seen)
-            objects = detector.objects
-            alerts.add(verdict, {(view.source, view.name): view.label for view in objects})
+            objects = follower.add(step.frame, step.claims, detector.objects)
+            found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
+            alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
             films.add(step.frame, objects, verdict)
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
