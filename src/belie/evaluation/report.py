@@ -77,6 +77,8 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "run": run,
         "headline": words.headline(run),
         "summary": words.summary(run),
+        "never_decided": words.never_decided(run),
+        "tone": words.tone(run),
         "alerts": [words.alert_row(run, traced) for traced in run.alerts],
         "score": None if truth is None else _score_rows(run, run.score(truth)),
         "evidence": figures.evidence_figure(run, truth or ()),

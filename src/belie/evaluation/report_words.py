@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.run import Run
 from belie.evaluation.snapshots import Snapshot
+from belie.evaluation.trace import CheckTrace
 from belie.evaluation.traced_alert import TracedAlert
 from belie.geometry import FloatArray
 from belie.types import AlertType, Status
@@ -20,6 +22,14 @@ _ACCUSATIONS = {
     AlertType.OBSTACLE_HIDING: "{source} no longer reports {object}, which is still in the image",
     AlertType.OBJECT_MISCLASSIFICATION: "{source} reports {object} as what it is not",
     AlertType.OBSTACLE_INJECTION: "{source} reports {object}, which the image does not show",
+}
+_LIES = {
+    AlertType.ODOMETRY_SPOOFING: "false motion",
+    AlertType.POSITION_SPOOFING: "false positions",
+    AlertType.CAMERA_FAULT: "faults",
+    AlertType.OBSTACLE_HIDING: "hidden obstacles",
+    AlertType.OBJECT_MISCLASSIFICATION: "misclassified objects",
+    AlertType.OBSTACLE_INJECTION: "invented obstacles",
 }
 _TYPE_NAMES = {
     AlertType.ODOMETRY_SPOOFING: "false motion (odometry or IMU)",
@@ -67,7 +77,45 @@ def headline(run: Run) -> str:
         return "No claim was contradicted, but almost nothing could be judged."
     if undecided > 0.5:
         return "No claim was contradicted, but more than half of the recording could not be judged."
+    open_questions = [_question(check) for check in run.trace.checks if check.never_decided]
+    if open_questions:
+        return f"No claim was contradicted, but not everything was checked: nothing is known of {_and(open_questions)}."
     return "No claim was contradicted: what the robot said agrees with what its camera saw."
+
+
+def never_decided(run: Run) -> list[str]:
+    """Of each check that was undecided whenever it ran: what stays unknown, and why; a clause each."""
+    return [
+        f"{_question(check)}: undecided in all {check.frames_run} frames{_mostly(check)}"
+        for check in run.trace.checks
+        if check.never_decided
+    ]
+
+
+def _question(check: CheckTrace) -> str:
+    kind = ALERT_OF_CHECK.get(check.check)
+    return (
+        f"{check.check} of {check.source}"
+        if kind is None
+        else f"{_LIES[kind]} of {check.source} ({check.check})"
+    )
+
+
+def _mostly(check: CheckTrace) -> str:
+    (reason, frames), *others = check.undecided.most_common()
+    return f", in {frames} of them because: {reason}" if others else f" because: {reason}"
+
+
+def _and(parts: Sequence[str]) -> str:
+    return ", ".join(parts[:-1]) + " and " * (len(parts) > 1) + parts[-1]
+
+
+def tone(run: Run) -> str:
+    """How the headline is to be taken: "bad", "open" where too little was checked to say, or "good"."""
+    if run.alerts:
+        return "bad"
+    is_open = not run.has_claims or run.trace.share(Status.UNDECIDED) > 0.5
+    return "open" if is_open or any(check.never_decided for check in run.trace.checks) else "good"
 
 
 def summary(run: Run) -> str:

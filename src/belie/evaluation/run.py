@@ -172,7 +172,7 @@ class Run:
         return score(self.verdicts(), labels)
 
     def undecided_reasons(self) -> list[tuple[str, str, int]]:
-        """(check, reason without numbers, frames) of all that stayed undecided, the most frequent first."""
+        """(check, reason, frames) of all that stayed undecided, the most frequent first."""
         counted: Counter[tuple[str, str]] = Counter()
         for check in self.trace.checks:
             for reason, frames in check.undecided.items():
