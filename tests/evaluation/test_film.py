@@ -5,13 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from belie.attacks import AttackLabel
 from belie.detector import ObjectView
+from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.film import SIDE_PX, FilmRecorder
 from belie.evaluation.film_figure import film_content
 from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.report import render_report
+from belie.evaluation.run import run_detector
 from belie.geometry import SE3, CameraModel
-from belie.types import Alert, AlertType, Detection, DetectionClaim, Frame, MountedCamera, Status, Verdict
+from belie.types import (
+    Alert,
+    AlertType,
+    CheckResult,
+    Detection,
+    DetectionClaim,
+    Frame,
+    MountedCamera,
+    Settings,
+    Status,
+    Verdict,
+)
 
 FRAME_NS = 100_000_000
 CAMERA = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
@@ -186,6 +200,83 @@ def test_the_last_picture_is_one_in_which_the_object_can_be_seen():
     (*_, (role, shot)) = film.strip()
     assert (role, shot.number) == ("after", 32)
     assert shot.in_view >= 0.5
+
+
+def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING):
+    """Films of object 7, which a label says is attacked in frames 20 to 30."""
+    label = AttackLabel(
+        name="detections-hide", text="detections-hide:start=20,stop=30", stream="detections", sources=("/detections",),
+        alert=kind, start_frame=20, stop_frame=30, start_ns=START_NS + 20 * FRAME_NS, seed=0, object="7",
+        onset_ns=START_NS + 20 * FRAME_NS, end_ns=START_NS + 30 * FRAME_NS,
+    )  # fmt: skip
+    films, objects, follower = FilmRecorder(), AttackedObjects([label]), ObjectFollower(CAMERAS)
+    for k in range(frames):
+        stamp_ns = START_NS + k * FRAME_NS
+        frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
+        verdict = Verdict(frame=k, stamp_ns=stamp_ns, status=Status.CONSISTENT, latency_ms=1.0, checks=checks)
+        followed = follower.add(frame, (), views(k))
+        films.add(frame, followed, verdict)
+        objects.add(frame, followed, verdict, films.past)
+    return label, objects.finish()
+
+
+def test_an_attacked_object_without_an_alert_is_shown_and_why(made_run):
+    unsure = CheckResult(
+        check="hiding", source="/detections", status=Status.UNDECIDED, statistic=3.0, threshold=12.0,
+        object="7", reason="car 7 is missing: too few corners on it: 2",
+    )  # fmt: skip
+    label, films = attacked(60, hidden, (unsure,))
+    assert [(role, shot.number) for role, shot in films[0].strip()] == [
+        ("before", 15), ("before", 19), ("attack begins", 20), ("attacked", 25), ("attacked", 29), ("attack over", 35),
+    ]  # fmt: skip
+    page = render_report(replace(made_run(60), attacked=films), labels=[label])
+    text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    assert "The attacked objects that raised no alert" in text
+    assert "Missed: detections-hide on car 7, by /detections" in text
+    assert "the evidence came to 25% of what an alarm takes" in text
+    assert "in 10 of 10 frames the check said: some car is missing: too few corners on it: 2." in text
+    assert "no picture" not in text
+
+
+def test_a_run_films_the_objects_of_its_labels(made):
+    class Seeing(made.Detector):
+        def update(self, frame, claims):
+            verdict = super().update(frame, claims)
+            self.objects = (view(verdict.frame, told=verdict.frame),)
+            return verdict
+
+    label, _ = attacked(1, hidden)
+    run = run_detector(made.Recording(60), Settings(), detector=Seeing(), labels=[label])
+    assert [film.attack for film in run.attacked] == [label]
+    assert run_detector(made.Recording(60), Settings(), detector=Seeing()).attacked == ()
+
+
+def test_an_attacked_object_that_is_lost_is_shown_where_it_was_last():
+    def leaves(k):
+        return (view(k, told=k, box_px=np.array([150.0, 30.0, 190.0, 50.0])),) if k < 20 else ()
+
+    _, (film,) = attacked(60, leaves)
+    assert (
+        film.why
+        == "belie no longer followed car 7 when it was attacked: 25% of its box was left in the picture"
+    )
+    assert [shot.status for _, shot in film.strip()] == ["reported"] * 2 + ["no longer followed"] * 4
+
+
+def test_an_attack_that_leaves_the_object_what_it_was_says_so():
+    told = {"told": 0, "told_label": "truck"}
+    _, (film,) = attacked(60, lambda k: (view(k, **told),), kind=AlertType.OBJECT_MISCLASSIFICATION)
+    assert film.why == "it was called truck, which counts as one kind of thing with car"
+    _, (film,) = attacked(60, lambda k: (view(k, told=k),))
+    assert film.why.startswith("in 10 of the 10 attacked frames the box reported near it was taken for it")
+
+
+def test_a_missed_attack_without_an_object_is_told(made_run):
+    label, films = attacked(60, lambda k: ())
+    assert films == ()
+    page = render_report(made_run(60), labels=[label, replace(label, object=None)])
+    assert "no picture, as belie did not follow object 7" in page
+    assert "no picture, as its label names no object" in page
 
 
 def test_the_page_shows_a_film_of_each_kind(made_run):

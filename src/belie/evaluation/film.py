@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import cv2
 import numpy as np
 
+from belie.attacks import AttackLabel
 from belie.evaluation.followed import FollowedObject, accused, elsewhere_px
 from belie.geometry import FloatArray
 from belie.types import Alert, AlertType, Frame, GrayImage, Verdict
 
-Role = Literal["before", "lie begins", "during", "alert", "after"]
+Role = Literal["before", "lie begins", "during", "alert", "after", "attack begins", "attacked", "attack over"]
 
 OBJECT_ALERTS = (
     AlertType.OBSTACLE_HIDING,
@@ -22,6 +23,7 @@ OBJECT_ALERTS = (
     AlertType.OBSTACLE_INJECTION,
 )
 SIDE_PX = 168  # of a picture
+LOST = "no longer followed"  # status of a shot
 _SURROUND = 1.7  # side of a picture relative to the object's longer side
 _BEFORE = 30  # frames kept of every object, 0.8 MB
 _AFTER = 12  # frames that a film goes on after the alert
@@ -62,15 +64,20 @@ class Shot:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Film:
-    """All shots of one object around one alert, in order."""
+    """All shots of one object around one alert, or around an attack on it that raised none, in order.
+
+    Of an attack, `alert` is the one that should have been raised, `raised_ns` is None, and `why` says why it was not.
+    """
 
     alert: Alert
-    raised_ns: int
+    raised_ns: int | None
     label: str
     told_label: str
     shots: tuple[Shot, ...]
     since_ns: int = 0  # when the object was first seen
     told_id: str = ""
+    attack: AttackLabel | None = None
+    why: str = ""
 
     @property
     def is_swapped(self) -> bool:
@@ -97,15 +104,27 @@ class Film:
         last = len(stamps) - 1
         after = max((k for k, shot in enumerate(self.shots) if shot.in_view >= _CLEAR), default=last)
         onset = min(int(np.searchsorted(stamps, self.alert.onset_ns)), last)
-        raised = min(int(np.searchsorted(stamps, self.raised_ns)), last)
+        if self.attack is not None:
+            over = int(np.searchsorted(stamps, self.attack.end_ns))
+            return self._chosen(
+                [
+                    (onset, "attack begins"), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
+                    (min(over, last + 1) - 1, "attacked"), ((onset + over) // 2, "attacked"),
+                    (last if over <= last else -1, "attack over"),
+                ]
+            )  # fmt: skip
+        raised = min(int(np.searchsorted(stamps, self.raised_ns or 0)), last)
         first: Role = "lie begins" if self.alert.onset_ns >= stamps[0] else "during"
         wanted: list[tuple[int, Role]] = [
             (raised, "alert"), (onset, first), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
             ((onset + raised) // 2, "during"), (max(after, raised), "after"),
         ]  # fmt: skip
+        return self._chosen(wanted)
+
+    def _chosen(self, wanted: list[tuple[int, Role]]) -> list[tuple[Role, Shot]]:
         chosen: dict[int, Role] = {}
         for index, role in wanted:
-            if 0 <= index <= last:
+            if 0 <= index < len(self.shots):
                 chosen.setdefault(index, role)
         return [(chosen[index], self.shots[index]) for index in sorted(chosen)]
 
@@ -133,6 +152,11 @@ class FilmRecorder:
     _past: dict[int, deque[Shot]] = field(default_factory=dict)
     _open: list[_Open] = field(default_factory=list)
     _done: list[Film] = field(default_factory=list)
+
+    @property
+    def past(self) -> Mapping[int, Sequence[Shot]]:
+        """The last shots of every object of the last frame, by its key."""
+        return self._past
 
     def add(self, frame: Frame, objects: Iterable[FollowedObject], verdict: Verdict) -> None:
         """Take in a frame, the objects in it, and what is said of them."""
@@ -171,40 +195,54 @@ class FilmRecorder:
         """The films so far, in the order of their alerts."""
         for taken in list(self._open):
             self._end(taken)
-        return tuple(sorted(self._done, key=lambda film: film.raised_ns))
+        return tuple(sorted(self._done, key=lambda film: film.raised_ns or 0))
 
 
 def _shot(frame: Frame, one: FollowedObject, number: int) -> Shot:
     view = one.view
-    box = view.box_px
-    size = np.array(frame.image.shape[::-1], dtype=np.float64)
-    centre, side = _window(box, size)
-    scale = SIDE_PX / side
-    shift = 0.5 * SIDE_PX - 0.5 + (0.5 - centre) * scale
-    picture = cv2.warpAffine(
-        frame.image, np.array([[scale, 0.0, shift[0]], [0.0, scale, shift[1]]]), (SIDE_PX, SIDE_PX),
-        flags=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR, borderValue=235.0,
-    )  # fmt: skip
-    shot = Shot(
-        number=number,
-        stamp_ns=frame.stamp_ns,
-        picture=np.asarray(picture, dtype=np.uint8),
-        box=box,
-        detected=None,
+    shot = bare_shot(frame, view.box_px, number)
+    centre, scale = shot.centre_px, shot.scale
+    return replace(
+        shot,
         predicted=(view.predicted_px + 0.5 - centre) * scale + 0.5 * SIDE_PX,
         observed=(view.observed_px + 0.5 - centre) * scale + 0.5 * SIDE_PX,
         error_px2=view.error_px2,
         status=view.status,
         told_label=view.told_label,
         misnamed=view.misnamed,
+    )
+
+
+def bare_shot(frame: Frame, box_px: FloatArray, number: int) -> Shot:
+    """A picture of a place, of whose object nothing is known; `box_px` is of shape (4,)."""
+    size = np.array(frame.image.shape[::-1], dtype=np.float64)
+    centre, side = _window(box_px, size)
+    scale = SIDE_PX / side
+    shift = 0.5 * SIDE_PX - 0.5 + (0.5 - centre) * scale
+    picture = cv2.warpAffine(
+        frame.image, np.array([[scale, 0.0, shift[0]], [0.0, scale, shift[1]]]), (SIDE_PX, SIDE_PX),
+        flags=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR, borderValue=235.0,
+    )  # fmt: skip
+    none = np.empty((0, 2))
+    shown = np.prod(np.clip(box_px[2:], 0.0, size) - np.clip(box_px[:2], 0.0, size))
+    shot = Shot(
+        number=number,
+        stamp_ns=frame.stamp_ns,
+        picture=np.asarray(picture, dtype=np.uint8),
+        box=box_px,
+        detected=None,
+        predicted=none,
+        observed=none,
+        error_px2=None,
+        status=LOST,
+        told_label="",
+        misnamed=False,
         centre_px=centre,
         scale=scale,
-        box_px=box,
-        in_view=float(
-            np.prod(np.clip(box[2:], 0.0, size) - np.clip(box[:2], 0.0, size)) / np.prod(box[2:] - box[:2])
-        ),
+        box_px=box_px,
+        in_view=float(shown / np.prod(box_px[2:] - box_px[:2])),
     )
-    return replace(shot, box=shot.placed(box))
+    return replace(shot, box=shot.placed(box_px))
 
 
 def _window(box_px: FloatArray, size_px: FloatArray) -> tuple[FloatArray, float]:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from belie.evaluation import report_words as words
-from belie.evaluation.figures import ALERT, QUIET, SEEN, svg
-from belie.evaluation.film import SIDE_PX, Film, Shot
+from belie.evaluation.figures import ALERT, LABEL, QUIET, SEEN, svg
+from belie.evaluation.film import LOST, SIDE_PX, Film, Shot
 from belie.evaluation.run import Run
 from belie.geometry import FloatArray
 from belie.types import AlertType
@@ -51,6 +51,7 @@ def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
         "right": _TOLD[film.alert.type][0],
         "wrong": _TOLD[film.alert.type][1],
         "has_error": _has_error(film),
+        "is_missed": film.attack is not None,
         "figure": _figure(run, film, f"film{index}"),
     }
 
@@ -63,7 +64,7 @@ def _drawn(film: Film, shot: Shot) -> dict[str, Any]:
     placed = None if elsewhere is None else shot.placed(elsewhere)
     return {
         "data": base64.b64encode(data.tobytes()).decode("ascii"),
-        "box": shot.box.round(1).tolist(),
+        "box": None if shot.status == LOST else shot.box.round(1).tolist(),
         "detected": None if shot.detected is None else shot.detected.round(1).tolist(),
         "elsewhere": None if placed is None else placed.round(1).tolist(),
         "arrow": None if placed is None else _arrow(placed),
@@ -92,6 +93,8 @@ def _arrow(box: FloatArray) -> list[list[float]] | None:
 def _told(film: Film, shot: Shot) -> str:
     if shot.status == "reported":
         return f"reported as {shot.told_label} {shot.told_id}".rstrip()
+    if shot.status == LOST:
+        return LOST
     if shot.status != "missing":
         return "no message for this frame"
     elsewhere = film.elsewhere_px(shot)
@@ -100,6 +103,8 @@ def _told(film: Film, shot: Shot) -> str:
 
 def _title(run: Run, film: Film) -> str:
     name = f"{film.label} {film.alert.object}"
+    if film.attack is not None:
+        return f"Missed: {film.attack.name} on {name}, by {film.alert.source}"
     onset_s = run.trace.since_start_s([film.alert.onset_ns])[0]
     kind = {
         AlertType.OBSTACLE_HIDING: "Hidden",
@@ -110,11 +115,14 @@ def _title(run: Run, film: Film) -> str:
 
 
 def _words(run: Run, film: Film) -> str:
-    onset_s, raised_s = run.trace.since_start_s([film.alert.onset_ns, film.raised_ns])
+    if film.attack is not None or film.raised_ns is None:
+        return f"No alert was raised: {film.why}."
+    raised_ns = film.raised_ns
+    onset_s, raised_s = run.trace.since_start_s([film.alert.onset_ns, raised_ns])
     name = f"{film.label} {film.alert.object}"
     source = film.alert.source
     alarm = f"The alert was raised at {raised_s:.2f} s.{_born_in_a_lie(run, film)}"
-    at_alert = min(film.shots, key=lambda shot: abs(shot.stamp_ns - film.raised_ns))
+    at_alert = min(film.shots, key=lambda shot: abs(shot.stamp_ns - raised_ns))
     elsewhere = film.elsewhere_px(at_alert)
     if film.alert.type is AlertType.OBSTACLE_HIDING:
         instead = (
@@ -151,9 +159,8 @@ def _words(run: Run, film: Film) -> str:
 def _followed(run: Run, film: Film) -> str:
     """How long its corners moved together: where its curve is drawn."""
     found = [shot for shot in film.shots if shot.error_px2 is not None]
-    late = [
-        s.stamp_ns for s in found if s.stamp_ns > film.raised_ns and (s.error_px2 or 0.0) > _PAPER_LIMIT_PX2
-    ]
+    raised_ns = film.raised_ns or 0
+    late = [s.stamp_ns for s in found if s.stamp_ns > raised_ns and (s.error_px2 or 0.0) > _PAPER_LIMIT_PX2]
     stamps_ns = [shot.stamp_ns for shot in found if not late or shot.stamp_ns < late[0]]
     if not stamps_ns:
         return "its picture is the same"
@@ -185,13 +192,8 @@ def _figure(run: Run, film: Film, name: str) -> str:
     """``e^L`` over time, the span of the lie, and below it what the detector told."""
     seconds = run.trace.since_start_s([shot.stamp_ns for shot in film.shots])
     error = np.array([np.nan if s.error_px2 is None else max(s.error_px2, _LEAST_PX2) for s in film.shots])
-    onset, raised = run.trace.since_start_s([film.alert.onset_ns, film.raised_ns])
-    honest = [
-        shot.stamp_ns
-        for shot in film.shots
-        if shot.stamp_ns > film.raised_ns and _row(film, shot) == "reported"
-    ]
-    end = max(raised, seconds[-1] if not honest else run.trace.since_start_s([honest[0]])[0])
+    (onset,) = run.trace.since_start_s([film.alert.onset_ns])
+    raised, end = _raised_and_end(run, film)
 
     def draw(figure: Any) -> None:
         axes = figure.subplots()
@@ -199,14 +201,29 @@ def _figure(run: Run, film: Film, name: str) -> str:
             _draw_error(axes, seconds, error)
         else:
             axes.set_yticks([])
-        axes.axvspan(onset, end, color=ALERT, alpha=0.12, linewidth=0)
-        axes.axvline(raised, color=ALERT, linewidth=1.2)
+        color = ALERT if raised is not None else LABEL
+        axes.axvspan(onset, end, color=color, alpha=0.12, linewidth=0)
+        if raised is not None:
+            axes.axvline(raised, color=ALERT, linewidth=1.2)
         for status, color in (("reported", SEEN), ("missing", ALERT)):
             at = [t for t, s in zip(seconds, film.shots, strict=True) if _row(film, s) == status]
             axes.plot(at, [_LEAST_PX2 * 0.45] * len(at), linestyle="", marker="s", markersize=4, color=color)
         axes.set_xlabel("time since the first frame [s]")
 
     return svg(draw, (9.0, 2.1 if _has_error(film) else 0.75), name)
+
+
+def _raised_and_end(run: Run, film: Film) -> tuple[float | None, float]:
+    """When the alert was raised, if one was, and when the lie was over or the film was: seconds."""
+    last_ns, raised_ns = film.shots[-1].stamp_ns, film.raised_ns
+    if raised_ns is None:
+        end_ns = last_ns if film.attack is None else min(film.attack.end_ns, last_ns)
+        return None, float(run.trace.since_start_s([end_ns])[0])
+    honest = [
+        shot.stamp_ns for shot in film.shots if shot.stamp_ns > raised_ns and _row(film, shot) == "reported"
+    ]
+    raised, end = run.trace.since_start_s([raised_ns, honest[0] if honest else last_ns])
+    return float(raised), float(max(raised, end))
 
 
 def _draw_error(axes: Any, seconds: FloatArray, error: FloatArray) -> None:

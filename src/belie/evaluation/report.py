@@ -71,6 +71,9 @@ def render_report(run: Run, *, labels: Iterable[AttackLabel] | None = None) -> s
 
 def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
     truth = None if labels is None else list(labels)
+    scored = None if truth is None else run.score(truth)
+    missed = [] if scored is None else [each.label for each in scored.labels if each.hit is None]
+    films = [*run.films, *(film for film in run.attacked if film.attack in missed)]
     changed = changed_settings(run.config)
     sequential = getattr(run.config, "sequential", None)
     return {
@@ -80,12 +83,13 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "never_decided": words.never_decided(run),
         "tone": words.tone(run),
         "alerts": [words.alert_row(run, traced) for traced in run.alerts],
-        "score": None if truth is None else _score_rows(run, run.score(truth)),
+        "score": None if scored is None else _score_rows(run, scored),
         "evidence": figures.evidence_figure(run, truth or ()),
         "trajectory": figures.trajectory_figure(run),
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
-        "films": [film_content(run, film, k) for k, film in enumerate(run.films)],
+        "films": [film_content(run, film, k) for k, film in enumerate(films)],
+        "unseen": [words.unseen(label) for label in missed if _is_unseen(run, label)],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
         "undecided_share": run.trace.share(Status.UNDECIDED),
@@ -103,6 +107,11 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
             name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET", "OWN")
         },
     }
+
+
+def _is_unseen(run: Run, label: AttackLabel) -> bool:
+    """Whether a missed attack on objects leaves nothing to show."""
+    return label.stream == "detections" and all(film.attack != label for film in run.attacked)
 
 
 def _score_rows(run: Run, result: Score) -> dict[str, Any]:

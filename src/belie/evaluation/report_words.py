@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from belie.attacks import AttackLabel
 from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.run import Run
 from belie.evaluation.snapshots import Snapshot
@@ -225,6 +226,16 @@ def way(from_px: FloatArray, to_px: FloatArray) -> str:
     if abs(right) >= abs(down):
         return f"{abs(right):.0f} px {'right' if right > 0 else 'left'}"
     return f"{abs(down):.0f} px {'below' if down > 0 else 'above'}"
+
+
+def unseen(label: AttackLabel) -> str:
+    """Why a missed attack on objects has no picture."""
+    why = (
+        "its label names no object (all were attacked, or the detector gives no track ids)"
+        if label.object is None
+        else f"belie did not follow object {label.object}: it knows none that it was never told of"
+    )
+    return f"{label.text}: no picture, as {why}"
 
 
 def floor_rows(run: Run) -> list[dict[str, str]]:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from belie.attacks import AttackLabel
 from belie.detector import ObjectView
+from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.expected_corners import View
 from belie.evaluation.film import Film, FilmRecorder
 from belie.evaluation.followed import ObjectFollower, accused
@@ -125,6 +126,8 @@ class Run:
         Pictures at the alerts, or of the frame nearest to one.
     films : tuple of Film
         Of the objects that alerts name.
+    attacked : tuple of Film
+        Of the objects that labels name, where the run was given any.
     join_counts : mapping
         For each kind of mishap in joining the streams, how often it befell each stream.
     """
@@ -139,6 +142,7 @@ class Run:
     alerts: tuple[TracedAlert, ...]
     snapshots: tuple[Snapshot, ...]
     films: tuple[Film, ...]
+    attacked: tuple[Film, ...]
     join_counts: Mapping[str, Mapping[str, int]]
 
     @property
@@ -185,6 +189,7 @@ def run_detector(
     config: Settings,
     *,
     detector: FrameChecker | None = None,
+    labels: Iterable[AttackLabel] | None = None,
     on_verdict: Callable[[Verdict], None] | None = None,
 ) -> Run:
     """Check a recording from its first frame to its last; memory stays flat.
@@ -197,6 +202,8 @@ def run_detector(
         Settings of the detector.
     detector : Detector, optional
         A fresh one; by default it is made from `config`.
+    labels : iterable of AttackLabel, optional
+        What was attacked, if it is known: the report can then show objects whose attack raised no alert.
     on_verdict : callable, optional
         Is given every verdict as soon as it is there.
 
@@ -226,6 +233,7 @@ def run_detector(
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
     alerts, films, follower = AlertRecorder(), FilmRecorder(), ObjectFollower(recording.cameras)
+    attacked = AttackedObjects(labels or ())
     claims_predict = getattr(config, "profile", "default") == "paper"
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
@@ -237,6 +245,7 @@ def run_detector(
             found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
             alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
             films.add(step.frame, objects, verdict)
+            attacked.add(step.frame, objects, verdict, films.past)
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
             )
@@ -257,6 +266,7 @@ def run_detector(
         alerts=alerts.finish(),
         snapshots=snapshots.finish(),
         films=films.finish(),
+        attacked=attacked.finish(),
         join_counts=_counts(recording.join_counts),
     )
 

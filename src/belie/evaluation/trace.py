@@ -32,10 +32,10 @@ def without_numbers(reason: str) -> str:
 
 
 @dataclass(slots=True)
-class _Reasons:
+class Reasons:
     """Counts reasons that differ in numbers or in the object's name only as one, and remembers between what they were.
 
-    >>> reasons = _Reasons()
+    >>> reasons = Reasons()
     >>> for seconds in ("0.5", "12.0", "0.9"):
     ...     reasons.add(f"no message for {seconds} s, of 3")
     >>> reasons.counted()
@@ -47,6 +47,7 @@ class _Reasons:
     _greatest: dict[str, list[str]] = field(default_factory=dict)
 
     def add(self, reason: str) -> None:
+        """Count a reason."""
         reason = _ABOUT_ONE.sub(r"some \1 is \2", reason, count=1)
         kind, numbers = without_numbers(reason), _NUMBER.findall(reason)
         self._counts[kind] += 1
@@ -200,7 +201,7 @@ class _CheckColumns:
     status: array[int]
     floors: dict[str, array[float]] = field(default_factory=dict)
     units: Counter[str] = field(default_factory=Counter)
-    undecided: _Reasons = field(default_factory=_Reasons)
+    undecided: Reasons = field(default_factory=Reasons)
 
     @classmethod
     def after(cls, frames: int) -> _CheckColumns:
