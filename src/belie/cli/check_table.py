@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from belie.evaluation.report_words import never_decided
+from belie.evaluation.report_words import never_decided, raised_words
 from belie.types import Status
 
 if TYPE_CHECKING:
@@ -141,6 +141,8 @@ def _print_score(console: Console, result: Score) -> None:
             f"wrong type or source {len(result.wrong_attributions)}"
         )
     )
+    which = f" ({'; '.join(map(raised_words, result.aftermath))})" if result.aftermath else ""
+    console.print(Text(f"alerts about honest frames after an attack {len(result.aftermath)}{which}"))
 
 
 def _print_undecided(console: Console, run: Run) -> None:

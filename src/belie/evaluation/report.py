@@ -131,7 +131,8 @@ def _score_rows(run: Run, result: Score) -> dict[str, Any]:
                 else "",
             }
         )
-    return {"rows": rows, "result": result}
+    aftermath = [words.raised_words(one) for one in result.aftermath]
+    return {"rows": rows, "result": result, "aftermath": aftermath}
 
 
 def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:

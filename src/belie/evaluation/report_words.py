@@ -10,6 +10,7 @@ import numpy as np
 from belie.attacks import AttackLabel
 from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.run import Run
+from belie.evaluation.score import RaisedAlert
 from belie.evaluation.snapshots import Snapshot
 from belie.evaluation.trace import CheckTrace
 from belie.evaluation.traced_alert import TracedAlert
@@ -60,6 +61,19 @@ def type_name(alert_type: AlertType) -> str:
     'camera at fault'
     """
     return _TYPE_NAMES[alert_type]
+
+
+def raised_words(raised: RaisedAlert) -> str:
+    """An alert by its frame, in a few words.
+
+    >>> from belie.types import Alert
+    >>> alert = Alert(type=AlertType.OBSTACLE_HIDING, source="/d", onset_ns=0, object="7")
+    >>> raised_words(RaisedAlert(frame=29, stamp_ns=9, alert=alert))
+    'frame 29: obstacle_hiding of object 7 by /d'
+    """
+    alert = raised.alert
+    about = "" if alert.object is None else f" of object {alert.object}"
+    return f"frame {raised.frame}: {alert.type.value}{about} by {alert.source}"
 
 
 def headline(run: Run) -> str:
