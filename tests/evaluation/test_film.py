@@ -48,6 +48,11 @@ def view(k, name="7", *, told=None, **fields):
     return ObjectView(**(given | fields))
 
 
+def message(stamp_ns, boxes):
+    found = tuple(Detection(label="car", score=0.9, track_id=name, box_px=box) for name, box in boxes.items())
+    return DetectionClaim(source="/detections", stamp_ns=stamp_ns, received_ns=stamp_ns, detections=found)
+
+
 def filmed(frames, views, onset, raised, kind=AlertType.OBSTACLE_HIDING, told=None):
     """Films of object 7, with an alert in each frame of `raised`; `told`: the boxes by id of the message at a frame."""
     recorder, follower = FilmRecorder(), ObjectFollower(CAMERAS)
@@ -59,13 +64,7 @@ def filmed(frames, views, onset, raised, kind=AlertType.OBSTACLE_HIDING, told=No
             alerts=(alert,) if k in np.atleast_1d(raised) else (),
         )  # fmt: skip
         frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
-        found = tuple(
-            Detection(label="car", score=0.9, track_id=name, box_px=box)
-            for name, box in (told(k) if told else {}).items()
-        )
-        claim = DetectionClaim(
-            source="/detections", stamp_ns=stamp_ns, received_ns=stamp_ns, detections=found
-        )
+        claim = message(stamp_ns, told(k) if told else {})
         recorder.add(frame, follower.add(frame, (claim,), views(k)), verdict)
     return recorder.finish()
 
@@ -202,7 +201,7 @@ def test_the_last_picture_is_one_in_which_the_object_can_be_seen():
     assert shot.in_view >= 0.5
 
 
-def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING):
+def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None):
     """Films of object 7, which a label says is attacked in frames 20 to 30."""
     label = AttackLabel(
         name="detections-hide", text="detections-hide:start=20,stop=30", stream="detections", sources=("/detections",),
@@ -214,7 +213,7 @@ def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING):
         stamp_ns = START_NS + k * FRAME_NS
         frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
         verdict = Verdict(frame=k, stamp_ns=stamp_ns, status=Status.CONSISTENT, latency_ms=1.0, checks=checks)
-        followed = follower.add(frame, (), views(k))
+        followed = follower.add(frame, (message(stamp_ns, told(k) if told else {}),), views(k))
         films.add(frame, followed, verdict)
         objects.add(frame, followed, verdict, films.past)
     return label, objects.finish()
@@ -267,6 +266,12 @@ def test_an_attack_that_leaves_the_object_what_it_was_says_so():
     told = {"told": 0, "told_label": "truck"}
     _, (film,) = attacked(60, lambda k: (view(k, **told),), kind=AlertType.OBJECT_MISCLASSIFICATION)
     assert film.why == "it was called truck, which counts as one kind of thing with car"
+    _, (film,) = attacked(
+        60, lambda k: (view(k, "8" if 20 <= k < 30 else "7", told=k),), kind=AlertType.OBJECT_MISCLASSIFICATION,
+        told=lambda k: {"8" if 20 <= k < 30 else "7": HERE},
+    )  # fmt: skip
+    assert film.why == "its box was told under the track id 8, which was taken for a new name of it"
+    assert film.is_swapped
     _, (film,) = attacked(60, lambda k: (view(k, told=k),))
     assert film.why.startswith("in 10 of the 10 attacked frames the box reported near it was taken for it")
 

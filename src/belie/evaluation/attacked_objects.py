@@ -30,6 +30,7 @@ class _Watched:
     reported: int = 0
     least_overlap: float = 1.0
     called: set[str] = field(default_factory=set)
+    other_ids: set[str] = field(default_factory=set)
     misnamed: int = 0
     peak: float = 0.0  # of the evidence, as a share of what an alarm takes
     reasons: Reasons = field(default_factory=Reasons)
@@ -110,6 +111,7 @@ def _note(watched: _Watched, one: FollowedObject | None, verdict: Verdict) -> No
         if view.detected_px is not None:
             watched.reported += 1
             watched.called.add(view.told_label)
+            watched.other_ids |= {one.told_id} - {"", label.object}
             watched.least_overlap = min(watched.least_overlap, box_iou(view.box_px, view.detected_px))
     for result in verdict.checks:
         if ALERT_OF_CHECK.get(result.check) is label.alert and result.source in label.sources:
@@ -129,6 +131,7 @@ def _film(watched: _Watched) -> Film:
     alert = Alert(type=label.alert, source=one.view.source, onset_ns=label.onset_ns, object=label.object)
     return Film(
         alert=alert, raised_ns=None, label=one.view.label, told_label=one.view.told_label, attack=label,
+        told_id=next(iter(sorted(watched.other_ids)), ""),
         shots=tuple(watched.shots), since_ns=one.since_ns, why=_why(watched, one),
     )  # fmt: skip
 
@@ -158,7 +161,11 @@ def _why(watched: _Watched, one: FollowedObject) -> str:
         and watched.label.alert is AlertType.OBJECT_MISCLASSIFICATION
     ):
         called = " and ".join(sorted(watched.called))
-        said.append(f"it was called {called}, which counts as one kind of thing with {one.view.label}")
+        if watched.other_ids:
+            ids = " and ".join(sorted(watched.other_ids))
+            said.append(f"its box was told under the track id {ids}, which was taken for a new name of it")
+        else:
+            said.append(f"it was called {called}, which counts as one kind of thing with {one.view.label}")
     if watched.peak > 0.0:
         said.append(f"the evidence came to {watched.peak:.0%} of what an alarm takes")
     for reason, frames in watched.reasons.counted().most_common(1):

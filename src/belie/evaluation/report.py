@@ -24,6 +24,8 @@ from belie.types import RecordingError, Status
 
 _JPEG_QUALITY = 82
 _LONG_ARROW_PX = 400.0
+_TEXT_SHARE = 0.014  # of the picture's width: size of what is written in it
+_WIDE = 0.62  # of the size: a bold letter, about
 
 
 def write_report(run: Run, path: str | Path, *, labels: Iterable[AttackLabel] | None = None) -> None:
@@ -170,10 +172,25 @@ def _boxes(snapshot: Snapshot) -> list[dict[str, Any]]:
         drawn.append((found.detected_px, figures.ALERT, False, f"{called}, says {source}"))
     if snapshot.elsewhere_px is not None:
         drawn.append((snapshot.elsewhere_px, figures.ALERT, False, f"{name}, says {source}"))
-    return [
-        {"edges": _placed(box, snapshot), "color": color, "dashed": dashed, "text": text, "below": k > 0}
-        for k, (box, color, dashed, text) in enumerate(drawn)
-    ]
+    height, width = snapshot.image.shape
+    size = _TEXT_SHARE * width
+    content = []
+    for k, (box, color, dashed, text) in enumerate(drawn):
+        edges = _placed(box, snapshot)
+        x = min(edges[0], width - _WIDE * size * len(text))
+        y = edges[1] + edges[3] + 1.1 * size if k > 0 else edges[1] - 0.4 * size
+        content.append(
+            {
+                "edges": edges,
+                "color": color,
+                "dashed": dashed,
+                "text": text,
+                "x": round(max(0.2 * size, x), 1),
+                "y": round(min(max(size, y), height - 0.4 * size), 1),
+                "size": round(size, 1),
+            }
+        )
+    return content
 
 
 def _placed(box_px: FloatArray, snapshot: Snapshot) -> list[float]:
