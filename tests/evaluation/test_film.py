@@ -145,7 +145,7 @@ def test_every_alert_has_a_film_though_both_name_one_object(made_run):
     np.testing.assert_allclose(films[1].shots[-1].box_px, THERE)
     run = made_run(60)
     content = [film_content(run, film, k) for k, film in enumerate(films)]
-    assert "reports car 7 70 px right of it, at [110, 30, 150, 50] px" in content[0]["words"]
+    assert "reports car 7, 70 px right of it, at [110, 30, 150, 50] px" in content[0]["words"]
     assert content[0]["shots"][4]["told"] == "reported 70 px right"
     assert content[0]["shots"][4]["arrow"] is not None
     assert content[0]["shots"][0]["elsewhere"] is None
@@ -182,7 +182,7 @@ def test_a_swap_names_the_ids_and_stays_with_its_object(made_run):
     assert film.shots[-1].number == 36
     assert all(shot.box_px[0] == 40.0 for shot in film.shots)
     content = film_content(made_run(60), film, 0)
-    assert "gives it the track id 8, while it reports car 7 71 px right of it" in content["words"]
+    assert "gives it the track id 8, while it reports car 7, 71 px right of it" in content["words"]
     assert "corners were followed from 0.00 s to 3.60 s" in content["words"]
     assert [shot["told"] for shot in content["shots"]] == ["reported as car 7"] * 2 + [
         "reported as car 8"

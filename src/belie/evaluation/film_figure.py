@@ -128,7 +128,7 @@ def _words(run: Run, film: Film) -> str:
         instead = (
             ""
             if elsewhere is None
-            else f" Instead it reports {name} {words.way(at_alert.box_px, elsewhere)} of it, "
+            else f" Instead it reports {name}, {words.way(at_alert.box_px, elsewhere)} of it, "
             f"{words.where(elsewhere)}: the red box, or the red arrow towards it."
         )
         return (
@@ -144,7 +144,7 @@ def _words(run: Run, film: Film) -> str:
         instead = (
             ""
             if elsewhere is None
-            else f", while it reports {name} {words.way(at_alert.box_px, elsewhere)} of it"
+            else f", while it reports {name}, {words.way(at_alert.box_px, elsewhere)} of it"
         )
         return (
             f"{source} had reported {name}; from {onset_s:.2f} s on it {called or 'gives it another name'}{instead}. "
