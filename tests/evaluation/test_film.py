@@ -5,13 +5,32 @@ from dataclasses import replace
 
 import numpy as np
 
+from belie.attacks import AttackLabel
 from belie.detector import ObjectView
+from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.film import SIDE_PX, FilmRecorder
 from belie.evaluation.film_figure import film_content
+from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.report import render_report
-from belie.types import Alert, AlertType, Frame, Status, Verdict
+from belie.evaluation.run import run_detector
+from belie.geometry import SE3, CameraModel
+from belie.types import (
+    Alert,
+    AlertType,
+    CheckResult,
+    Detection,
+    DetectionClaim,
+    Frame,
+    MountedCamera,
+    Settings,
+    Status,
+    Verdict,
+)
 
 FRAME_NS = 100_000_000
+CAMERA = CameraModel(width=160, height=120, fx=100, fy=100, cx=79.5, cy=59.5)
+CAMERAS = {"/image": MountedCamera(model=CAMERA, T_body_cam=SE3.identity())}
+HERE, THERE = np.array([42.0, 30.0, 80.0, 50.0]), np.array([110.0, 30.0, 150.0, 50.0])
 START_NS = 1_700_000_000_000_000_000
 IMAGE = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
 
@@ -29,17 +48,24 @@ def view(k, name="7", *, told=None, **fields):
     return ObjectView(**(given | fields))
 
 
-def filmed(frames, views, onset, raised, kind=AlertType.OBSTACLE_HIDING):
-    recorder = FilmRecorder()
+def message(stamp_ns, boxes):
+    found = tuple(Detection(label="car", score=0.9, track_id=name, box_px=box) for name, box in boxes.items())
+    return DetectionClaim(source="/detections", stamp_ns=stamp_ns, received_ns=stamp_ns, detections=found)
+
+
+def filmed(frames, views, onset, raised, kind=AlertType.OBSTACLE_HIDING, told=None):
+    """Films of object 7, with an alert in each frame of `raised`; `told`: the boxes by id of the message at a frame."""
+    recorder, follower = FilmRecorder(), ObjectFollower(CAMERAS)
     for k in range(frames):
         stamp_ns = START_NS + k * FRAME_NS
         alert = Alert(type=kind, source="/detections", onset_ns=START_NS + onset * FRAME_NS, object="7")
         verdict = Verdict(
             frame=k, stamp_ns=stamp_ns, status=Status.CONSISTENT, latency_ms=1.0,
-            alerts=(alert,) if k == raised else (),
+            alerts=(alert,) if k in np.atleast_1d(raised) else (),
         )  # fmt: skip
         frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
-        recorder.add(frame, views(k), verdict)
+        claim = message(stamp_ns, told(k) if told else {})
+        recorder.add(frame, follower.add(frame, (claim,), views(k)), verdict)
     return recorder.finish()
 
 
@@ -86,6 +112,178 @@ def test_an_alert_without_an_object_in_view_has_no_film():
     assert filmed(30, lambda k: (), onset=20, raised=24) == ()
 
 
+def shifted(k):
+    """Car 7 where it is; from frame 20 to 30 the detector tells of it at another place, which then gets a view, too."""
+    if k < 20:
+        return (view(k, told=k),)
+    place = {"box_px": THERE, "detected_px": THERE if k < 30 else None}
+    return (
+        view(k, told=None if k < 30 else k),
+        view(k, told=k if k < 30 else None, status="reported" if k < 30 else "missing", **place),
+    )
+
+
+def told_shifted(k):
+    return {"7": THERE if 20 <= k < 30 else HERE}
+
+
+def test_a_shifted_object_is_shown_where_it_is_and_where_it_is_told():
+    (film,) = filmed(60, shifted, onset=20, raised=24, told=told_shifted)
+    shot = film.shots[-1]
+    assert [s.number for s in film.shots] == list(range(37))
+    at_alert = next(s for s in film.shots if s.number == 24)
+    assert at_alert.status == "missing"
+    np.testing.assert_allclose(at_alert.box_px, [40.0, 30.0, 80.0, 50.0])
+    np.testing.assert_allclose(film.elsewhere_px(at_alert), THERE)
+    assert shot.told_id == "7"
+    assert film.elsewhere_px(shot) is None
+
+
+def test_every_alert_has_a_film_though_both_name_one_object(made_run):
+    films = filmed(60, shifted, onset=20, raised=(24, 34), told=told_shifted)
+    assert [film.raised_ns for film in films] == [START_NS + k * FRAME_NS for k in (24, 34)]
+    np.testing.assert_allclose(films[1].shots[-1].box_px, THERE)
+    run = made_run(60)
+    content = [film_content(run, film, k) for k, film in enumerate(films)]
+    assert "reports car 7, 70 px right of it, at [110, 30, 150, 50] px" in content[0]["words"]
+    assert content[0]["shots"][4]["told"] == "reported 70 px right"
+    assert content[0]["shots"][4]["arrow"] is not None
+    assert content[0]["shots"][0]["elsewhere"] is None
+
+
+def test_an_alert_means_the_object_of_its_name_that_is_lied_about():
+    follower = ObjectFollower(CAMERAS)
+    frame = Frame(camera="/image", stamp_ns=START_NS, received_ns=START_NS, image=IMAGE)
+    objects = follower.add(frame, (), shifted(24))
+
+    def meant(kind):
+        alert = Alert(type=kind, source="/detections", onset_ns=START_NS, object="7")
+        return objects.index(accused(objects, alert))
+
+    assert meant(AlertType.OBSTACLE_HIDING) == 0
+    assert meant(AlertType.OBSTACLE_INJECTION) == 1
+
+
+def test_a_swap_names_the_ids_and_stays_with_its_object(made_run):
+    far = np.array([112.0, 30.0, 150.0, 50.0])
+
+    def views(k):
+        named = {"misnamed": k < 30} if k >= 20 else {}
+        names = ("7", "8") if k < 30 else ("8", "7")  # when the lie is believed
+        return (
+            view(k, names[0], told=k, **named),
+            view(k, names[1], told=k, box_px=far, detected_px=far, **named),
+        )
+
+    (film,) = filmed(
+        60, views, onset=20, raised=24, kind=AlertType.OBJECT_MISCLASSIFICATION,
+        told=lambda k: {"7": HERE, "8": far} if k < 20 else {"7": far, "8": HERE},
+    )  # fmt: skip
+    assert film.shots[-1].number == 36
+    assert all(shot.box_px[0] == 40.0 for shot in film.shots)
+    content = film_content(made_run(60), film, 0)
+    assert "gives it the track id 8, while it reports car 7, 71 px right of it" in content["words"]
+    assert "corners were followed from 0.00 s to 3.60 s" in content["words"]
+    assert [shot["told"] for shot in content["shots"]] == ["reported as car 7"] * 2 + [
+        "reported as car 8"
+    ] * 4
+    assert [shot["is_wrong"] for shot in content["shots"]] == [False, False, True, True, True, True]
+
+
+def test_the_last_picture_is_one_in_which_the_object_can_be_seen():
+    def leaving(k):
+        box = np.array([40.0, 30.0, 80.0, 50.0]) + (max(0, k - 24) * 12.0, 0.0) * 2
+        return (view(k, told=None, box_px=box),)
+
+    (film,) = filmed(60, leaving, onset=20, raised=24)
+    (*_, (role, shot)) = film.strip()
+    assert (role, shot.number) == ("after", 32)
+    assert shot.in_view >= 0.5
+
+
+def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None):
+    """Films of object 7, which a label says is attacked in frames 20 to 30."""
+    label = AttackLabel(
+        name="detections-hide", text="detections-hide:start=20,stop=30", stream="detections", sources=("/detections",),
+        alert=kind, start_frame=20, stop_frame=30, start_ns=START_NS + 20 * FRAME_NS, seed=0, object="7",
+        onset_ns=START_NS + 20 * FRAME_NS, end_ns=START_NS + 30 * FRAME_NS,
+    )  # fmt: skip
+    films, objects, follower = FilmRecorder(), AttackedObjects([label]), ObjectFollower(CAMERAS)
+    for k in range(frames):
+        stamp_ns = START_NS + k * FRAME_NS
+        frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
+        verdict = Verdict(frame=k, stamp_ns=stamp_ns, status=Status.CONSISTENT, latency_ms=1.0, checks=checks)
+        followed = follower.add(frame, (message(stamp_ns, told(k) if told else {}),), views(k))
+        films.add(frame, followed, verdict)
+        objects.add(frame, followed, verdict, films.past)
+    return label, objects.finish()
+
+
+def test_an_attacked_object_without_an_alert_is_shown_and_why(made_run):
+    unsure = CheckResult(
+        check="hiding", source="/detections", status=Status.UNDECIDED, statistic=3.0, threshold=12.0,
+        object="7", reason="car 7 is missing: too few corners on it: 2",
+    )  # fmt: skip
+    label, films = attacked(60, hidden, (unsure,))
+    assert [(role, shot.number) for role, shot in films[0].strip()] == [
+        ("before", 15), ("before", 19), ("attack begins", 20), ("attacked", 25), ("attacked", 29), ("attack over", 35),
+    ]  # fmt: skip
+    page = render_report(replace(made_run(60), attacked=films), labels=[label])
+    text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    assert "The attacked objects that raised no alert" in text
+    assert "Missed: detections-hide on car 7, by /detections" in text
+    assert "the evidence came to 25% of what an alarm takes" in text
+    assert "in 10 of 10 frames the check said: some car is missing: too few corners on it: 2." in text
+    assert "no picture" not in text
+
+
+def test_a_run_films_the_objects_of_its_labels(made):
+    class Seeing(made.Detector):
+        def update(self, frame, claims):
+            verdict = super().update(frame, claims)
+            self.objects = (view(verdict.frame, told=verdict.frame),)
+            return verdict
+
+    label, _ = attacked(1, hidden)
+    run = run_detector(made.Recording(60), Settings(), detector=Seeing(), labels=[label])
+    assert [film.attack for film in run.attacked] == [label]
+    assert run_detector(made.Recording(60), Settings(), detector=Seeing()).attacked == ()
+
+
+def test_an_attacked_object_that_is_lost_is_shown_where_it_was_last():
+    def leaves(k):
+        return (view(k, told=k, box_px=np.array([150.0, 30.0, 190.0, 50.0])),) if k < 20 else ()
+
+    _, (film,) = attacked(60, leaves)
+    assert (
+        film.why
+        == "belie no longer followed car 7 when it was attacked: 25% of its box was left in the picture"
+    )
+    assert [shot.status for _, shot in film.strip()] == ["reported"] * 2 + ["no longer followed"] * 4
+
+
+def test_an_attack_that_leaves_the_object_what_it_was_says_so():
+    told = {"told": 0, "told_label": "truck"}
+    _, (film,) = attacked(60, lambda k: (view(k, **told),), kind=AlertType.OBJECT_MISCLASSIFICATION)
+    assert film.why == "it was called truck, which counts as one kind of thing with car"
+    _, (film,) = attacked(
+        60, lambda k: (view(k, "8" if 20 <= k < 30 else "7", told=k),), kind=AlertType.OBJECT_MISCLASSIFICATION,
+        told=lambda k: {"8" if 20 <= k < 30 else "7": HERE},
+    )  # fmt: skip
+    assert film.why == "its box was told under the track id 8, which was taken for a new name of it"
+    assert film.is_swapped
+    _, (film,) = attacked(60, lambda k: (view(k, told=k),))
+    assert film.why.startswith("in 10 of the 10 attacked frames the box reported near it was taken for it")
+
+
+def test_a_missed_attack_without_an_object_is_told(made_run):
+    label, films = attacked(60, lambda k: ())
+    assert films == ()
+    page = render_report(made_run(60), labels=[label, replace(label, object=None)])
+    assert "no picture, as belie did not follow object 7" in page
+    assert "no picture, as its label names no object" in page
+
+
 def test_the_page_shows_a_film_of_each_kind(made_run):
     run = made_run(60)
     films = tuple(
@@ -103,6 +301,7 @@ def test_the_page_shows_a_film_of_each_kind(made_run):
     assert "Invented: car 7, by /detections" in text
     assert "from 2.00 s on it calls it bird" in text
     assert "2.40 s: alert reported as bird" in text
+    assert "3.60 s: after the alert" in text
     ids = re.findall(r' id="([^"]+)"', page)
     assert len(ids) == len(set(ids))
     assert "nan" not in re.sub(r"base64,[^\"]+", "", page)

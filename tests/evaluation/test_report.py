@@ -1,6 +1,7 @@
 """The page: complete, self-contained, well-formed, and honest about what it does not know."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 
 from belie.attacks import AttackLabel
 from belie.detector import Config
-from belie.evaluation import figures
+from belie.evaluation import figures, report_words
 from belie.evaluation.report import render_report, write_report
-from belie.types import AlertType, RecordingError
+from belie.evaluation.run import run_detector
+from belie.types import AlertType, CheckResult, RecordingError, Settings, Status
 
 FRAME_NS = 100_000_000
 
@@ -83,7 +85,25 @@ def test_a_run_that_could_not_be_judged(made_run):
     text = " ".join(" ".join(checked(render_report(made_run(5))).text).split())
     assert "almost nothing could be judged" in text
     assert "Nothing could be tested in this recording" in text
-    assert "learning: … more frames" in text
+    assert "learning: 1 to 5 more frames" in text
+
+
+def test_a_check_that_never_decided_is_told_in_the_headline(made):
+    class Half(made.Detector):
+        def update(self, frame, claims):
+            verdict = super().update(frame, claims)
+            why = "no ground is seen" if verdict.frame else "first frame"
+            unknown = CheckResult(check="injection", source="/d", status=Status.UNDECIDED, reason=why)
+            return replace(verdict, checks=(*verdict.checks, unknown))
+
+    run = run_detector(made.Recording(60), Settings(), detector=Half())
+    page = render_report(run)
+    text = " ".join(" ".join(checked(page).text).split())
+    assert "agrees with what its camera saw" not in text
+    assert "nothing is known of invented obstacles of /d (injection)." in text
+    assert "undecided in all 60 frames, in 59 of them because: no ground is seen" in text
+    assert report_words.tone(run) == "open"
+    assert "border-left: .35rem solid #3a7d44" not in page
 
 
 def test_names_from_a_recording_are_escaped(made_run, made):

@@ -22,7 +22,7 @@ def test_trace_of_a_run(made_run):
     assert odometry.floors["m/s"] == pytest.approx(0.1)
     assert odometry.units == ("llr",)
     assert run.trace.share(Status.UNDECIDED) == pytest.approx(5 / 60)
-    assert run.undecided_reasons() == [("odometry /odom", "learning: … more frames", 5)]
+    assert run.undecided_reasons() == [("odometry /odom", "learning: 1 to 5 more frames", 5)]
     assert run.trace.seconds[-1] == pytest.approx(5.9)
     assert run.trace.decode_ms.tolist() == [2.0] * 60
     assert run.trace.claimed_m[10].tolist() == [0.0, 0.0, 5.0]

@@ -83,6 +83,42 @@ def test_grace_after_the_end(frame, hit):
     assert not result.before_onset
 
 
+@pytest.mark.parametrize(
+    ("raised", "onset", "aftermath", "false"),
+    [
+        (45, 40, 1, 0),  # within the grace, about honest frames
+        (45, 39, 0, 0),  # late, but about the attack
+        (39, 38, 0, 0),  # told again while it is attacked
+        (60, 39, 1, 1),  # after the grace
+        (20, 19, 0, 1),  # before the attack
+    ],
+)
+def test_alerts_about_honest_frames_after_an_attack_are_counted(raised, onset, aftermath, false):
+    def alert(frame):
+        return (Alert(type=ODOMETRY, source="/odom", onset_ns=frame * FRAME_NS),)
+
+    found = [
+        replace(v, alerts=alert({32: 30, raised: onset}[v.frame])) if v.frame in (32, raised) else v
+        for v in run({})
+    ]
+    result = score(found, [label(30, 40)])
+    assert (result.hits, len(result.aftermath), len(result.false_alerts)) == (1, aftermath, false)
+    assert [one.frame for one in result.aftermath] == [raised] * aftermath
+    assert len(pool_scores([result, result]).aftermath) == 2 * aftermath
+    assert len(result.to_json()["aftermath"]) == aftermath
+
+
+def test_the_late_alert_that_is_the_hit_is_no_aftermath():
+    late = [
+        replace(v, alerts=(Alert(type=ODOMETRY, source="/odom", onset_ns=41 * FRAME_NS),))
+        if v.frame == 45
+        else v
+        for v in run({})
+    ]
+    result = score(late, [label(30, 40)])
+    assert (result.hits, result.aftermath) == (1, ())
+
+
 @pytest.mark.parametrize("accused", [(POSITION, "/odom"), (ODOMETRY, "/imu")])
 def test_wrong_type_or_source_is_listed_apart(accused):
     result = score(run({33: [accused], 34: [(ODOMETRY, "/odom")]}), [label(30, 40)])

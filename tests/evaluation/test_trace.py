@@ -81,3 +81,19 @@ def test_a_check_of_objects_is_one_column_of_the_worst_object():
     )
     (check,) = trace.checks
     assert check.statistic.tolist() == [1.0, 9.0, 0.0]
+
+
+def test_reasons_of_one_kind_count_as_one_and_keep_their_ranges():
+    recorder = TraceRecorder()
+    for k, reason in enumerate(
+        ("car 3 is missing: too small: 22 px", "car 12 is missing: too small: 9 px", "dark")
+    ):
+        at = {"stamp_ns": k, "received_ns": k}
+        result = CheckResult(check="hiding", source="/d", status=Status.UNDECIDED, reason=reason)
+        recorder.add(
+            Step(frame=Frame(camera="/image", image=np.zeros((2, 2), np.uint8), **at)),
+            Verdict(frame=k, stamp_ns=k, status=Status.UNDECIDED, latency_ms=1.0, checks=(result,)),
+        )
+    (check,) = recorder.finish().checks
+    assert check.undecided == {"some car is missing: too small: 9 to 22 px": 2, "dark": 1}
+    assert check.never_decided

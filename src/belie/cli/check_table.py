@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from belie.evaluation.report_words import never_decided, raised_words
 from belie.types import Status
 
 if TYPE_CHECKING:
@@ -22,12 +25,14 @@ if TYPE_CHECKING:
     from belie.evaluation.traced_alert import TracedAlert
 
 _MOST_REASONS = 5
+_GAP = 2  # characters between columns
+_PIPE_WIDTH = 120  # characters, where neither a terminal nor COLUMNS says
 
 
 def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_stderr: bool = False) -> None:
     """Frames, span, alerts, undecided frames with reasons, latency; and the score, where there are labels."""
     stream = sys.stderr if to_stderr else sys.stdout
-    console = Console(file=stream, width=None if stream.isatty() else 120, highlight=False)
+    console = Console(file=stream, width=_width(stream), highlight=False)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column()
@@ -40,10 +45,11 @@ def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_s
         )
     for told in run.told:
         table.add_row("objects", Text(told.in_words()))
+    for each in never_decided(run):
+        table.add_row(Text("never decided", style="yellow"), Text(each))
     table.add_row("latency", _latency(run))
     console.print(table)
-    if run.alerts:
-        console.print(_alerts(run))
+    _print_alerts(console, run)
     if labels is not None:
         _print_score(console, run.score(labels))
     _print_undecided(console, run)
@@ -69,27 +75,41 @@ def _latency(run: Run) -> str:
     return f"p50 {p50:.1f} ms, p95 {p95:.1f} ms a frame; decoding apart: p50 {decode:.1f} ms"
 
 
-def _alerts(run: Run) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", title_justify="left")
-    for column in ("alert", "source", "raised at", "onset (estimate)", "delay"):
-        table.add_column(column, no_wrap=True)
-    table.add_column("because")
-    for alert in run.alerts:
-        table.add_row(*_alert_row(run, alert))
-    return table
+def _width(stream: TextIO) -> int | None:
+    """Of the console, in characters; None leaves it to the terminal."""
+    if stream.isatty():
+        return None
+    columns = os.environ.get("COLUMNS", "")
+    return int(columns) if columns.isdecimal() and int(columns) > 0 else _PIPE_WIDTH
 
 
-def _alert_row(run: Run, traced: TracedAlert) -> tuple[Text, ...]:
+def _print_alerts(console: Console, run: Run) -> None:
+    """A row an alert, and below it, over the whole width, why: reasons are long."""
+    heads = ("alert", "source", "raised at", "onset (estimate)", "delay")
+    rows = [_alert_row(run, alert) for alert in run.alerts]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    if sum(widths) + _GAP * len(widths) > console.width:
+        widths = [0] * len(widths)
+    for k, (alert, row) in enumerate(zip(run.alerts, rows, strict=True)):
+        table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", show_header=k == 0)
+        for head, width in zip(heads, widths, strict=True):
+            table.add_column(head, min_width=width or None, overflow="fold")
+        table.add_row(Text(row[0], style="red"), *map(Text, row[1:]))
+        console.print(table)
+        if alert.reason:
+            console.print(Padding(Text(f"because {alert.reason}"), (0, 0, 0, 2)))
+
+
+def _alert_row(run: Run, traced: TracedAlert) -> tuple[str, ...]:
     raised, alert = traced.raised, traced.raised.alert
     started_s, raised_s = run.trace.since_start_s([alert.onset_ns, raised.stamp_ns])
     onset_frame = run.trace.frame_at(alert.onset_ns)
     return (
-        Text(alert.type.value, style="red"),
-        Text(alert.source if traced.object is None else f"{traced.object} by {alert.source}"),
-        Text(f"{raised_s:.2f} s, frame {raised.frame}"),
-        Text(f"{started_s:.2f} s, frame {onset_frame}"),
-        Text(f"{traced.delay_ns * 1e-9:.2f} s, {max(0, raised.frame - onset_frame)} frames"),
-        Text(traced.reason),
+        alert.type.value,
+        alert.source if traced.object is None else f"{traced.object} by {alert.source}",
+        f"{raised_s:.2f} s, frame {raised.frame}",
+        f"{started_s:.2f} s, frame {onset_frame}",
+        f"{traced.delay_ns * 1e-9:.2f} s, {max(0, raised.frame - onset_frame)} frames",
     )
 
 
@@ -123,6 +143,8 @@ def _print_score(console: Console, result: Score) -> None:
             f"wrong type or source {len(result.wrong_attributions)}"
         )
     )
+    which = f" ({'; '.join(map(raised_words, result.aftermath))})" if result.aftermath else ""
+    console.print(Text(f"alerts about honest frames after an attack {len(result.aftermath)}{which}"))
 
 
 def _print_undecided(console: Console, run: Run) -> None:

@@ -115,7 +115,7 @@ def watch(drive: Path, console: Console, *, speed: float) -> tuple[Run, tuple[At
             if speed > 0.0 and console.is_terminal:
                 time.sleep(max(0.0, began_s + t_s / speed - time.monotonic()))
 
-        run = run_detector(attacked, Config(), detector=detector, on_verdict=on_verdict)
+        run = run_detector(attacked, Config(), detector=detector, labels=labels, on_verdict=on_verdict)
     return run, labels
 
 

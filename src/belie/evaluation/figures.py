@@ -27,6 +27,7 @@ CLAIMED, SEEN, ALERT, POSITION, LABEL, QUIET = (
     "#555555",
     "#9aa0a6",
 )
+OWN = "#ffd400"  # where an accused object is by its own pixels
 _MOST_POINTS = 1500
 _MOST_POSITIONS = 60
 _POSITION_STYLE = {

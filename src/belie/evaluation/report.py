@@ -24,6 +24,8 @@ from belie.types import RecordingError, Status
 
 _JPEG_QUALITY = 82
 _LONG_ARROW_PX = 400.0
+_TEXT_SHARE = 0.014  # of the picture's width: size of what is written in it
+_WIDE = 0.62  # of the size: a bold letter, about
 
 
 def write_report(run: Run, path: str | Path, *, labels: Iterable[AttackLabel] | None = None) -> None:
@@ -71,19 +73,25 @@ def render_report(run: Run, *, labels: Iterable[AttackLabel] | None = None) -> s
 
 def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
     truth = None if labels is None else list(labels)
+    scored = None if truth is None else run.score(truth)
+    missed = [] if scored is None else [each.label for each in scored.labels if each.hit is None]
+    films = [*run.films, *(film for film in run.attacked if film.attack in missed)]
     changed = changed_settings(run.config)
     sequential = getattr(run.config, "sequential", None)
     return {
         "run": run,
         "headline": words.headline(run),
         "summary": words.summary(run),
+        "never_decided": words.never_decided(run),
+        "tone": words.tone(run),
         "alerts": [words.alert_row(run, traced) for traced in run.alerts],
-        "score": None if truth is None else _score_rows(run, run.score(truth)),
+        "score": None if scored is None else _score_rows(run, scored),
         "evidence": figures.evidence_figure(run, truth or ()),
         "trajectory": figures.trajectory_figure(run),
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
-        "films": [film_content(run, film, k) for k, film in enumerate(run.films)],
+        "films": [film_content(run, film, k) for k, film in enumerate(films)],
+        "unseen": [words.unseen(label) for label in missed if _is_unseen(run, label)],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
         "undecided_share": run.trace.share(Status.UNDECIDED),
@@ -97,8 +105,15 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "changed": {name: value for name, (value, _) in changed.items() if name != "profile"},
         "false_alarms_per_hour": getattr(sequential, "false_alarms_per_hour", None),
         "settings": to_toml(run.config),
-        "colors": {name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET")},
+        "colors": {
+            name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET", "OWN")
+        },
     }
+
+
+def _is_unseen(run: Run, label: AttackLabel) -> bool:
+    """Whether a missed attack on objects leaves nothing to show."""
+    return label.stream == "detections" and all(film.attack != label for film in run.attacked)
 
 
 def _score_rows(run: Run, result: Score) -> dict[str, Any]:
@@ -118,7 +133,8 @@ def _score_rows(run: Run, result: Score) -> dict[str, Any]:
                 else "",
             }
         )
-    return {"rows": rows, "result": result}
+    aftermath = [words.raised_words(one) for one in result.aftermath]
+    return {"rows": rows, "result": result, "aftermath": aftermath}
 
 
 def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:
@@ -140,9 +156,41 @@ def _picture(run: Run, snapshot: Snapshot) -> dict[str, Any]:
         "data": base64.b64encode(data.tobytes()).decode("ascii"),
         "corners": corners.round(1).tolist(),
         "is_alert": snapshot.alert is not None,
-        "box": None if found is None else _placed(found.box_px, snapshot),
-        "told": None if found is None or found.detected_px is None else _placed(found.detected_px, snapshot),
+        "boxes": _boxes(snapshot),
     }
+
+
+def _boxes(snapshot: Snapshot) -> list[dict[str, Any]]:
+    """What is drawn around an accused object: by its own pixels dashed, and solid where the detector tells of it."""
+    found = snapshot.object
+    if found is None:
+        return []
+    source, name = found.source, f"{found.label} {found.name}"
+    called = f"{found.told_label} {snapshot.told_id}".rstrip()
+    drawn = [(found.box_px, figures.OWN, True, f"{name}, by its own pixels")]
+    if found.detected_px is not None:
+        drawn.append((found.detected_px, figures.ALERT, False, f"{called}, says {source}"))
+    if snapshot.elsewhere_px is not None:
+        drawn.append((snapshot.elsewhere_px, figures.ALERT, False, f"{name}, says {source}"))
+    height, width = snapshot.image.shape
+    size = _TEXT_SHARE * width
+    content = []
+    for k, (box, color, dashed, text) in enumerate(drawn):
+        edges = _placed(box, snapshot)
+        x = min(edges[0], width - _WIDE * size * len(text))
+        y = edges[1] + edges[3] + 1.1 * size if k > 0 else edges[1] - 0.4 * size
+        content.append(
+            {
+                "edges": edges,
+                "color": color,
+                "dashed": dashed,
+                "text": text,
+                "x": round(max(0.2 * size, x), 1),
+                "y": round(min(max(size, y), height - 0.4 * size), 1),
+                "size": round(size, 1),
+            }
+        )
+    return content
 
 
 def _placed(box_px: FloatArray, snapshot: Snapshot) -> list[float]:

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from belie.attacks import AttackLabel
+from belie.detector.alerts import ALERT_OF_CHECK
 from belie.evaluation.run import Run
+from belie.evaluation.score import RaisedAlert
 from belie.evaluation.snapshots import Snapshot
+from belie.evaluation.trace import CheckTrace
 from belie.evaluation.traced_alert import TracedAlert
+from belie.geometry import FloatArray
 from belie.types import AlertType, Status
 
 _ACCUSATIONS = {
@@ -19,6 +24,14 @@ _ACCUSATIONS = {
     AlertType.OBSTACLE_HIDING: "{source} no longer reports {object}, which is still in the image",
     AlertType.OBJECT_MISCLASSIFICATION: "{source} reports {object} as what it is not",
     AlertType.OBSTACLE_INJECTION: "{source} reports {object}, which the image does not show",
+}
+_LIES = {
+    AlertType.ODOMETRY_SPOOFING: "false motion",
+    AlertType.POSITION_SPOOFING: "false positions",
+    AlertType.CAMERA_FAULT: "faults",
+    AlertType.OBSTACLE_HIDING: "hidden obstacles",
+    AlertType.OBJECT_MISCLASSIFICATION: "misclassified objects",
+    AlertType.OBSTACLE_INJECTION: "invented obstacles",
 }
 _TYPE_NAMES = {
     AlertType.ODOMETRY_SPOOFING: "false motion (odometry or IMU)",
@@ -50,6 +63,19 @@ def type_name(alert_type: AlertType) -> str:
     return _TYPE_NAMES[alert_type]
 
 
+def raised_words(raised: RaisedAlert) -> str:
+    """An alert by its frame, in a few words.
+
+    >>> from belie.types import Alert
+    >>> alert = Alert(type=AlertType.OBSTACLE_HIDING, source="/d", onset_ns=0, object="7")
+    >>> raised_words(RaisedAlert(frame=29, stamp_ns=9, alert=alert))
+    'frame 29: obstacle_hiding of object 7 by /d'
+    """
+    alert = raised.alert
+    about = "" if alert.object is None else f" of object {alert.object}"
+    return f"frame {raised.frame}: {alert.type.value}{about} by {alert.source}"
+
+
 def headline(run: Run) -> str:
     """The verdict in one sentence."""
     if run.alerts:
@@ -66,7 +92,45 @@ def headline(run: Run) -> str:
         return "No claim was contradicted, but almost nothing could be judged."
     if undecided > 0.5:
         return "No claim was contradicted, but more than half of the recording could not be judged."
+    open_questions = [_question(check) for check in run.trace.checks if check.never_decided]
+    if open_questions:
+        return f"No claim was contradicted, but not everything was checked: nothing is known of {_and(open_questions)}."
     return "No claim was contradicted: what the robot said agrees with what its camera saw."
+
+
+def never_decided(run: Run) -> list[str]:
+    """Of each check that was undecided whenever it ran: what stays unknown, and why; a clause each."""
+    return [
+        f"{_question(check)}: undecided in all {check.frames_run} frames{_mostly(check)}"
+        for check in run.trace.checks
+        if check.never_decided
+    ]
+
+
+def _question(check: CheckTrace) -> str:
+    kind = ALERT_OF_CHECK.get(check.check)
+    return (
+        f"{check.check} of {check.source}"
+        if kind is None
+        else f"{_LIES[kind]} of {check.source} ({check.check})"
+    )
+
+
+def _mostly(check: CheckTrace) -> str:
+    (reason, frames), *others = check.undecided.most_common()
+    return f", in {frames} of them because: {reason}" if others else f" because: {reason}"
+
+
+def _and(parts: Sequence[str]) -> str:
+    return ", ".join(parts[:-1]) + " and " * (len(parts) > 1) + parts[-1]
+
+
+def tone(run: Run) -> str:
+    """How the headline is to be taken: "bad", "open" where too little was checked to say, or "good"."""
+    if run.alerts:
+        return "bad"
+    is_open = not run.has_claims or run.trace.share(Status.UNDECIDED) > 0.5
+    return "open" if is_open or any(check.never_decided for check in run.trace.checks) else "good"
 
 
 def summary(run: Run) -> str:
@@ -140,17 +204,52 @@ def _object_words(snapshot: Snapshot) -> str:
     if found is None:
         return "The accused object is not followed in this frame."
     name = f"{found.label} {found.name}"
-    told = "Solid box: where the detector reports it. " if found.detected_px is not None else ""
+    called = f"{found.told_label} {snapshot.told_id}".rstrip()
+    told = f"Solid box: where the detector reports {called}. " if found.detected_px is not None else ""
     if snapshot.alert is not None and snapshot.alert.type is AlertType.OBSTACLE_INJECTION:
         return (
             f"{told}Its dots are corners of what is behind the box. The dashed box is carried along by them."
         )
+    if snapshot.elsewhere_px is not None:
+        told += f"Red, {way(found.box_px, snapshot.elsewhere_px)} of it: where the detector reports {name}. "
     apart = (
         ""
         if math.isnan(snapshot.displacement_px)
         else f" Its corners lie {snapshot.displacement_px:.1f} px (median, full image) from where it was expected."
     )
-    return f"{told}Dashed box: {name} by its own pixels.{apart}"
+    missing = " The detector reports nothing there." if found.status == "missing" else ""
+    return f"Dashed box: {name} by its own pixels, {where(found.box_px)}.{missing} {told.rstrip()}{apart}"
+
+
+def where(box_px: FloatArray) -> str:
+    """A box of the image.
+
+    >>> where(np.array([1.0, 2.0, 30.4, 40.0]))
+    'at [1, 2, 30, 40] px'
+    """
+    return "at [" + ", ".join(f"{edge:.0f}" for edge in box_px) + "] px"
+
+
+def way(from_px: FloatArray, to_px: FloatArray) -> str:
+    """How far, and which way, the middle of one box lies from that of another.
+
+    >>> way(np.array([0.0, 0.0, 10.0, 10.0]), np.array([20.0, 1.0, 30.0, 11.0]))
+    '20 px right'
+    """
+    right, down = (0.5 * (to_px[:2] + to_px[2:] - from_px[:2] - from_px[2:])).tolist()
+    if abs(right) >= abs(down):
+        return f"{abs(right):.0f} px {'right' if right > 0 else 'left'}"
+    return f"{abs(down):.0f} px {'below' if down > 0 else 'above'}"
+
+
+def unseen(label: AttackLabel) -> str:
+    """Why a missed attack on objects has no picture."""
+    why = (
+        "its label names no object (all were attacked, or the detector gives no track ids)"
+        if label.object is None
+        else f"belie did not follow object {label.object}: it knows none that it was never told of"
+    )
+    return f"{label.text}: no picture, as {why}"
 
 
 def floor_rows(run: Run) -> list[dict[str, str]]:

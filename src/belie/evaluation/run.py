@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 from belie.attacks import AttackLabel
 from belie.detector import ObjectView
+from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.expected_corners import View
 from belie.evaluation.film import Film, FilmRecorder
+from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
 from belie.evaluation.told_objects import ToldObjects, ToldObjectsRecorder
@@ -125,6 +127,8 @@ class Run:
         Pictures at the alerts, or of the frame nearest to one.
     films : tuple of Film
         Of the objects that alerts name.
+    attacked : tuple of Film
+        Of the objects that labels name, where the run was given any.
     join_counts : mapping
         For each kind of mishap in joining the streams, how often it befell each stream.
     told : tuple of ToldObjects
@@ -141,6 +145,7 @@ class Run:
     alerts: tuple[TracedAlert, ...]
     snapshots: tuple[Snapshot, ...]
     films: tuple[Film, ...]
+    attacked: tuple[Film, ...]
     join_counts: Mapping[str, Mapping[str, int]]
     told: tuple[ToldObjects, ...] = ()
 
@@ -175,7 +180,7 @@ class Run:
         return score(self.verdicts(), labels)
 
     def undecided_reasons(self) -> list[tuple[str, str, int]]:
-        """(check, reason without numbers, frames) of all that stayed undecided, the most frequent first."""
+        """(check, reason, frames) of all that stayed undecided, the most frequent first."""
         counted: Counter[tuple[str, str]] = Counter()
         for check in self.trace.checks:
             for reason, frames in check.undecided.items():
@@ -188,6 +193,7 @@ def run_detector(
     config: Settings,
     *,
     detector: FrameChecker | None = None,
+    labels: Iterable[AttackLabel] | None = None,
     on_verdict: Callable[[Verdict], None] | None = None,
 ) -> Run:
     """Check a recording from its first frame to its last; memory stays flat.
@@ -200,6 +206,8 @@ def run_detector(
         Settings of the detector.
     detector : Detector, optional
         A fresh one; by default it is made from `config`.
+    labels : iterable of AttackLabel, optional
+        What was attacked, if it is known: the report can then show objects whose attack raised no alert.
     on_verdict : callable, optional
         Is given every verdict as soon as it is there.
 
@@ -228,8 +236,9 @@ def run_detector(
     """
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
+    alerts, films, follower = AlertRecorder(), FilmRecorder(), ObjectFollower(recording.cameras)
+    attacked = AttackedObjects(labels or ())
     claims_predict = getattr(config, "profile", "default") == "paper"
-    alerts, films = AlertRecorder(), FilmRecorder()
     told = ToldObjectsRecorder(None if claims_predict else getattr(config, "objects", None))
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
@@ -237,11 +246,13 @@ def run_detector(
             verdict = detector.update(step.frame, step.claims)
             claimed, seen = detector.T_odom_cam_claimed, detector.T_odom_cam_seen
             trace.add(step, verdict, claimed, seen)
-            objects = detector.objects
-            alerts.add(verdict, {(view.source, view.name): view.label for view in objects})
+            objects = follower.add(step.frame, step.claims, detector.objects)
+            found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
+            alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
             films.add(step.frame, objects, verdict)
             told.hear(step.claims)
-            told.see(objects, (step.frame.image.shape[1], step.frame.image.shape[0]))
+            told.see(detector.objects, (step.frame.image.shape[1], step.frame.image.shape[0]))
+            attacked.add(step.frame, objects, verdict, films.past)
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
             )
@@ -262,6 +273,7 @@ def run_detector(
         alerts=alerts.finish(),
         snapshots=snapshots.finish(),
         films=films.finish(),
+        attacked=attacked.finish(),
         join_counts=_counts(recording.join_counts),
         told=told.finish(),
     )

@@ -85,6 +85,10 @@ class Score:
         Raised outside every span (grace included), or within, but on an object that is none of those attacked.
     before_onset : tuple of RaisedAlert
         The false alerts that came before the first attack of their run; none where nothing was attacked.
+    aftermath : tuple of RaisedAlert
+        Raised after an attack, about honest frames: false alerts that came later than its end, and others within its
+        grace that no attack's hit is and whose estimated onset is not before its end. A late alert about the attack
+        itself is none.
     honest_s : float
         Time checked outside every span (grace included).
     confidence : float
@@ -95,6 +99,7 @@ class Score:
     wrong_attributions: tuple[RaisedAlert, ...] = ()
     false_alerts: tuple[RaisedAlert, ...] = ()
     before_onset: tuple[RaisedAlert, ...] = ()
+    aftermath: tuple[RaisedAlert, ...] = ()
     honest_s: float = 0.0
     confidence: float = 0.95
 
@@ -139,7 +144,9 @@ class Score:
         {}
         """
         types = {scored.label.alert for scored in self.labels}
-        types |= {raised.alert.type for raised in (*self.false_alerts, *self.wrong_attributions)}
+        types |= {
+            raised.alert.type for raised in (*self.false_alerts, *self.wrong_attributions, *self.aftermath)
+        }
         return {
             type: replace(
                 self,
@@ -147,6 +154,7 @@ class Score:
                 wrong_attributions=_of_type(self.wrong_attributions, type),
                 false_alerts=_of_type(self.false_alerts, type),
                 before_onset=_of_type(self.before_onset, type),
+                aftermath=_of_type(self.aftermath, type),
             )
             for type in AlertType
             if type in types
@@ -178,6 +186,7 @@ class Score:
             "wrong_attributions": [raised.to_json() for raised in self.wrong_attributions],
             "false_alerts": [raised.to_json() for raised in self.false_alerts],
             "before_onset": [raised.to_json() for raised in self.before_onset],
+            "aftermath": [raised.to_json() for raised in self.aftermath],
         }
 
 
@@ -242,14 +251,21 @@ def score(
         elif not any(_explains(label, one.alert) for label in around):
             wrong.append(one)
     first_start_ns = min((start for start, _ in spans), default=None)
+    scored = tuple(
+        _label_score(label, span, raised, stamps_ns) for label, span in zip(truth, spans, strict=True)
+    )
+    hits = [each.hit for each in scored]
     return Score(
-        labels=tuple(
-            _label_score(label, span, raised, stamps_ns) for label, span in zip(truth, spans, strict=True)
-        ),
+        labels=scored,
         wrong_attributions=tuple(wrong),
         false_alerts=tuple(false_alerts),
         before_onset=tuple(
             one for one in false_alerts if first_start_ns is not None and one.stamp_ns < first_start_ns
+        ),
+        aftermath=tuple(
+            one
+            for one in raised
+            if one not in hits and _is_aftermath(one, truth, is_false=one in false_alerts)
         ),
         honest_s=_honest_s(stamps_ns, spans),
         confidence=confidence,
@@ -270,9 +286,18 @@ def pool_scores(scores: Iterable[Score]) -> Score:
         wrong_attributions=tuple(raised for one in every for raised in one.wrong_attributions),
         false_alerts=tuple(raised for one in every for raised in one.false_alerts),
         before_onset=tuple(raised for one in every for raised in one.before_onset),
+        aftermath=tuple(raised for one in every for raised in one.aftermath),
         honest_s=math.fsum(one.honest_s for one in every),
         confidence=every[0].confidence if every else 0.95,
     )
+
+
+def _is_aftermath(one: RaisedAlert, labels: Iterable[AttackLabel], *, is_false: bool) -> bool:
+    """Whether an alert that is no hit was raised when an attack was over, and is not about that attack."""
+    begun = [label for label in labels if label.start_ns <= one.stamp_ns]
+    if not begun or any(one.stamp_ns < label.end_ns for label in begun):
+        return False
+    return is_false or one.alert.onset_ns >= max(label.end_ns for label in begun)
 
 
 def _explains(label: AttackLabel, alert: Alert) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from belie.evaluation.expected_corners import View, corners_under_claim
 from belie.evaluation.film import OBJECT_ALERTS
+from belie.evaluation.followed import FollowedObject, accused, elsewhere_px
 from belie.geometry import FloatArray
 from belie.types import Alert, GrayImage, MountedCamera, Verdict, VisualEstimate
 
@@ -49,6 +50,10 @@ class Snapshot:
         Median distance between the two, pixels of the camera's image; NaN without corners.
     object : ObjectView or None
         The accused object, in pixels of the camera's image, where the alert names one that is followed.
+    told_id : str
+        The track id that the detector gives to that object's box in this frame.
+    elsewhere_px : array (4,) or None
+        Where the detector tells of the accused track id instead, pixels of the camera's image.
     scale : float
         Pixels of `image` a pixel of the camera's image.
     """
@@ -63,6 +68,8 @@ class Snapshot:
     since_ns: int
     displacement_px: float
     object: ObjectView | None = None
+    told_id: str = ""
+    elsewhere_px: FloatArray | None = None
     scale: float = 1.0
 
 
@@ -88,15 +95,15 @@ class SnapshotRecorder:
         view: View,
         verdict: Verdict,
         estimate: VisualEstimate | None,
-        objects: Iterable[ObjectView] = (),
+        objects: Iterable[FollowedObject] = (),
     ) -> None:
         """Take in a frame, the verdict on it and what was seen in it."""
         self._ring.append(view)
-        seen = {(each.source, each.name): each for each in objects}
+        followed = tuple(objects)
         for alert in verdict.alerts:
             if len(self._taken) < _MOST_ALERTS:
                 if alert.type in OBJECT_ALERTS:
-                    self._taken.append(_of_object(view, alert, seen.get((alert.source, alert.object or ""))))
+                    self._taken.append(_of_object(view, alert, accused(followed, alert)))
                 else:
                     self._taken.append(self._snapshot(tuple(self._ring), estimate, alert))
                 self._nearest = None
@@ -150,9 +157,10 @@ class SnapshotRecorder:
         return _shrunk(snapshot)
 
 
-def _of_object(view: View, alert: Alert, found: ObjectView | None) -> Snapshot:
+def _of_object(view: View, alert: Alert, one: FollowedObject | None) -> Snapshot:
     """The frame with the accused object and its own corners: those of the camera's motion say nothing about it."""
     none = np.empty((0, 2))
+    found = None if one is None else one.view
     observed, expected = (none, none) if found is None else (found.observed_px, found.predicted_px)
     return _shrunk(
         Snapshot(
@@ -166,6 +174,10 @@ def _of_object(view: View, alert: Alert, found: ObjectView | None) -> Snapshot:
             since_ns=view.frame.stamp_ns,
             displacement_px=_median_length(expected - observed),
             object=found,
+            told_id="" if one is None else one.told_id,
+            elsewhere_px=None
+            if one is None
+            else elsewhere_px(alert.object, one.told_id, one.told_px, one.view.box_px),
         )
     )
 

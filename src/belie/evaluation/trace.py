@@ -18,6 +18,7 @@ from belie.types import CheckResult, Claim, PoseClaim, PositionClaim, Status, St
 STATUSES = tuple(Status)
 NOT_RUN = -1
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_ABOUT_ONE = re.compile(r"^(.*) \S+ is (missing|called)\b")  # an object by label and name
 _QUANTITY = re.compile(r"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S.*)")
 
 
@@ -28,6 +29,41 @@ def without_numbers(reason: str) -> str:
     'lost: … of … corners found again'
     """
     return _NUMBER.sub("…", reason)
+
+
+@dataclass(slots=True)
+class Reasons:
+    """Counts reasons that differ in numbers or in the object's name only as one, and remembers between what they were.
+
+    >>> reasons = Reasons()
+    >>> for seconds in ("0.5", "12.0", "0.9"):
+    ...     reasons.add(f"no message for {seconds} s, of 3")
+    >>> reasons.counted()
+    Counter({'no message for 0.5 to 12.0 s, of 3': 3})
+    """
+
+    _counts: Counter[str] = field(default_factory=Counter)
+    _least: dict[str, list[str]] = field(default_factory=dict)
+    _greatest: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, reason: str) -> None:
+        """Count a reason."""
+        reason = _ABOUT_ONE.sub(r"some \1 is \2", reason, count=1)
+        kind, numbers = without_numbers(reason), _NUMBER.findall(reason)
+        self._counts[kind] += 1
+        for bounds, choose in ((self._least, min), (self._greatest, max)):
+            known = bounds.setdefault(kind, numbers)
+            bounds[kind] = [choose(pair, key=float) for pair in zip(known, numbers, strict=True)]
+
+    def counted(self) -> Counter[str]:
+        """Frames by reason, with the range of each number that differs."""
+        found: Counter[str] = Counter()
+        for kind, frames in self._counts.items():
+            between, *after = kind.split("…")
+            for least, greatest, text in zip(self._least[kind], self._greatest[kind], after, strict=True):
+                between += (least if least == greatest else f"{least} to {greatest}") + text
+            found[between] += frames
+        return found
 
 
 def parse_floor(text: str | None) -> dict[str, float]:
@@ -57,7 +93,7 @@ class CheckTrace:
     floors : mapping of str to array (N,)
         Minimum detectable lie by unit; NaN where none was stated.
     undecided : Counter
-        Frames left undecided, by reason without numbers.
+        Frames left undecided, by reason; numbers that differ are given as a range.
     """
 
     check: str
@@ -74,6 +110,16 @@ class CheckTrace:
         """Statistic over threshold, shape (N,): above 1 the claim is contradicted."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.statistic / self.threshold)
+
+    @property
+    def frames_run(self) -> int:
+        """In how many frames the check gave an answer."""
+        return int(np.count_nonzero(self.status != NOT_RUN))
+
+    @property
+    def never_decided(self) -> bool:
+        """Whether it ran and was undecided every time."""
+        return bool(self.frames_run) and self.share(Status.UNDECIDED) == 1.0
 
     def share(self, status: Status) -> float:
         """Share of the frames in which the check ran that got this answer; NaN if it never ran."""
@@ -155,7 +201,7 @@ class _CheckColumns:
     status: array[int]
     floors: dict[str, array[float]] = field(default_factory=dict)
     units: Counter[str] = field(default_factory=Counter)
-    undecided: Counter[str] = field(default_factory=Counter)
+    undecided: Reasons = field(default_factory=Reasons)
 
     @classmethod
     def after(cls, frames: int) -> _CheckColumns:
@@ -181,7 +227,7 @@ class _CheckColumns:
         if result.statistic is not None:
             self.units[result.unit] += 1
         if result.status is Status.UNDECIDED:
-            self.undecided[without_numbers(result.reason)] += 1
+            self.undecided.add(result.reason)
 
 
 def _gap(length: int) -> array[float]:
@@ -287,5 +333,5 @@ def _check_trace(key: tuple[str, str], columns: _CheckColumns) -> CheckTrace:
         units=tuple(unit for unit, _ in columns.units.most_common()),
         status=np.array(columns.status, dtype=np.int8),
         floors={unit: np.array(column) for unit, column in columns.floors.items()},
-        undecided=Counter(columns.undecided),
+        undecided=columns.undecided.counted(),
     )

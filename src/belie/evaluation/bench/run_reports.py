@@ -46,7 +46,8 @@ def write_reports(
                 write_report(run_detector(frames, config), path)
             else:
                 attacked = attack(frames, targeted(frames, case.attack))
-                write_report(run_detector(attacked, config), path, labels=attacked.labels)
+                labels = attacked.labels
+                write_report(run_detector(attacked, config, labels=labels), path, labels=labels)
         links.append(
             (f"{why}: {record.rival}, {record.recording}, {record.spec or 'honest'}", f"reports/{path.name}")
         )

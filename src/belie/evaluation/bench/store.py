@@ -56,8 +56,8 @@ class RunRecord:
         From the onset to it.
     right_first : bool or None
         Whether the first alert within the attack named the right kind and source.
-    wrong, false_alerts, before_onset : list of str
-        Alerts that the attack does not explain; raised outside of it; those before it.
+    wrong, false_alerts, before_onset, aftermath : list of str
+        Alerts that the attack does not explain; raised outside of it; those before it; `Score.aftermath`.
     honest_s : float
         Seconds outside the attack.
     frames, undecided : int
@@ -94,6 +94,7 @@ class RunRecord:
     wrong: tuple[str, ...] = ()
     false_alerts: tuple[str, ...] = ()
     before_onset: tuple[str, ...] = ()
+    aftermath: tuple[str, ...] = ()
     honest_s: float = 0.0
     frames: int = 0
     undecided: int = 0
@@ -145,6 +146,7 @@ def record_of(
         wrong=tuple(_words(said.wrong_attributions)),
         false_alerts=tuple(_words(said.false_alerts)),
         before_onset=tuple(_words(said.before_onset)),
+        aftermath=tuple(_words(said.aftermath)),
         honest_s=said.honest_s,
         frames=found.frames,
         undecided=found.undecided,

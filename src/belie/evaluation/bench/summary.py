@@ -223,15 +223,15 @@ def delay_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str,
                     rival, goal, f"{median(frames):g} / {np.percentile(frames, 95):.0f}" if frames else NOTHING,
                     f"{median(ms):.0f} / {np.percentile(ms, 95):.0f}" if ms else NOTHING,
                     _share(sum(bool(r.right_first) for r in answered), len(answered)),
-                    str(sum(len(r.false_alerts) - len(r.before_onset) for r in own)),
+                    str(sum(len(r.aftermath) for r in own)),
                 )
             )  # fmt: skip
     return Table(
         title="Delay and attribution",
         note="Delay from the first lying message to the alert, median / 95th percentile. Attribution: how "
         "often the first alert "
-        "within the attack named the right kind and source. Aftermath: false alerts after the attack was "
-        "over.",
+        "within the attack named the right kind and source. Aftermath: alerts about honest frames, raised "
+        "after the attack was over.",
         head=("detector", "attack", "delay, frames", "delay, ms", "right attribution", "aftermath"),
         rows=tuple(rows),
     )  # fmt: skip

@@ -1,0 +1,173 @@
+"""The objects that labels say were attacked: filmed through the attack, in case that it raises no alert."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from belie.attacks import AttackLabel
+from belie.detector.alerts import ALERT_OF_CHECK
+from belie.evaluation.film import LOST, OBJECT_ALERTS, Film, Shot, bare_shot
+from belie.evaluation.followed import FollowedObject
+from belie.evaluation.trace import Reasons
+from belie.geometry.boxes import box_iou
+from belie.types import Alert, AlertType, CheckResult, Frame, Status, Verdict
+
+_AFTER = 6  # frames that a film goes on after the attack
+_MOST_SHOTS = 120
+
+
+@dataclass(slots=True)
+class _Watched:
+    """One attacked object."""
+
+    label: AttackLabel
+    one: FollowedObject | None = None  # as it was last followed
+    shots: list[Shot] = field(default_factory=list)
+    after: int = 0
+    frames: int = 0  # attacked
+    followed: int = 0
+    reported: int = 0
+    least_overlap: float = 1.0
+    called: set[str] = field(default_factory=set)
+    other_ids: set[str] = field(default_factory=set)
+    misnamed: int = 0
+    peak: float = 0.0  # of the evidence, as a share of what an alarm takes
+    reasons: Reasons = field(default_factory=Reasons)
+
+
+class AttackedObjects:
+    """Films each object that a label names, from before its attack until after it.
+
+    Examples
+    --------
+    >>> AttackedObjects(()).finish()
+    ()
+    """
+
+    def __init__(self, labels: Iterable[AttackLabel]) -> None:
+        self._watched = [
+            _Watched(label) for label in labels if label.object is not None and label.alert in OBJECT_ALERTS
+        ]
+
+    def add(
+        self,
+        frame: Frame,
+        objects: Iterable[FollowedObject],
+        verdict: Verdict,
+        past: Mapping[int, Sequence[Shot]],
+    ) -> None:
+        """Take in a frame, its objects, the verdict on it, and the last shots of each object."""
+        seen = {one.key: one for one in objects}
+        for watched in self._watched:
+            if watched.after < _AFTER:
+                _follow(watched, frame, seen, verdict, past)
+
+    def finish(self) -> tuple[Film, ...]:
+        """One film of each object that was ever followed."""
+        return tuple(_film(watched) for watched in self._watched if watched.one is not None)
+
+
+def _follow(
+    watched: _Watched,
+    frame: Frame,
+    seen: Mapping[int, FollowedObject],
+    verdict: Verdict,
+    past: Mapping[int, Sequence[Shot]],
+) -> None:
+    label, stamp_ns = watched.label, frame.stamp_ns
+    named = [o for o in seen.values() if o.view.source in label.sources and o.view.name == label.object]
+    is_over = stamp_ns >= label.end_ns
+    is_before = stamp_ns < label.start_ns
+    one = None if watched.one is None else seen.get(watched.one.key)
+    # While it is attacked, another object may bear its name.
+    if named and (watched.one is None or (one is None and is_over) or (is_before and one not in named)):
+        one = named[0]
+    if one is not None:
+        watched.one = one
+        watched.shots = _joined([] if is_before else watched.shots, past[one.key])
+    elif watched.one is not None and not is_before:
+        watched.shots.append(bare_shot(frame, watched.one.view.box_px, verdict.frame))
+    del watched.shots[_MOST_SHOTS:]
+    watched.after += is_over
+    if watched.one is not None and not is_before and not is_over:
+        _note(watched, one, verdict)
+
+
+def _joined(shots: list[Shot], newer: Sequence[Shot]) -> list[Shot]:
+    """Shots in order; a newer one of the same frame knows more, as messages may come late."""
+    known = {shot.stamp_ns: shot for shot in shots} | {shot.stamp_ns: shot for shot in newer}
+    return [known[stamp_ns] for stamp_ns in sorted(known)]
+
+
+def _note(watched: _Watched, one: FollowedObject | None, verdict: Verdict) -> None:
+    """What is known of an attacked frame."""
+    label = watched.label
+    watched.frames += 1
+    if one is not None:
+        view = one.view
+        watched.followed += 1
+        watched.misnamed += view.misnamed
+        if view.detected_px is not None:
+            watched.reported += 1
+            watched.called.add(view.told_label)
+            watched.other_ids |= {one.told_id} - {"", label.object}
+            watched.least_overlap = min(watched.least_overlap, box_iou(view.box_px, view.detected_px))
+    for result in verdict.checks:
+        if ALERT_OF_CHECK.get(result.check) is label.alert and result.source in label.sources:
+            if result.object == label.object and result.statistic is not None and result.threshold:
+                watched.peak = max(watched.peak, result.statistic / result.threshold)
+            if _is_telling(result, label):
+                watched.reasons.add(result.reason)
+
+
+def _is_telling(result: CheckResult, label: AttackLabel) -> bool:
+    return result.status is Status.UNDECIDED or f" {label.object} is " in result.reason
+
+
+def _film(watched: _Watched) -> Film:
+    label, one = watched.label, watched.one
+    assert one is not None
+    alert = Alert(type=label.alert, source=one.view.source, onset_ns=label.onset_ns, object=label.object)
+    return Film(
+        alert=alert, raised_ns=None, label=one.view.label, told_label=one.view.told_label, attack=label,
+        told_id=next(iter(sorted(watched.other_ids)), ""),
+        shots=tuple(watched.shots), since_ns=one.since_ns, why=_why(watched, one),
+    )  # fmt: skip
+
+
+def _why(watched: _Watched, one: FollowedObject) -> str:
+    """Why it was not accused, as far as can be told."""
+    name = f"{one.view.label} {watched.label.object}"
+    said = []
+    if not watched.followed:
+        before = [
+            shot.in_view
+            for shot in watched.shots
+            if shot.status != LOST and shot.stamp_ns < watched.label.start_ns
+        ]
+        share = (
+            f": {before[-1]:.0%} of its box was left in the picture" if before and before[-1] < 0.9 else ""
+        )
+        said.append(f"belie no longer followed {name} when it was attacked{share}")
+    elif watched.reported and watched.label.alert is AlertType.OBSTACLE_HIDING:
+        said.append(
+            f"in {watched.reported} of the {watched.frames} attacked frames the box reported near it was taken for it "
+            f"(overlap with where its pixels are, IoU, at least {watched.least_overlap:.2f})"
+        )
+    elif (
+        watched.reported
+        and not watched.misnamed
+        and watched.label.alert is AlertType.OBJECT_MISCLASSIFICATION
+    ):
+        called = " and ".join(sorted(watched.called))
+        if watched.other_ids:
+            ids = " and ".join(sorted(watched.other_ids))
+            said.append(f"its box was told under the track id {ids}, which was taken for a new name of it")
+        else:
+            said.append(f"it was called {called}, which counts as one kind of thing with {one.view.label}")
+    if watched.peak > 0.0:
+        said.append(f"the evidence came to {watched.peak:.0%} of what an alarm takes")
+    for reason, frames in watched.reasons.counted().most_common(1):
+        said.append(f"in {frames} of {watched.frames} frames the check said: {reason}")
+    return "; ".join(said) or "nothing tells"
