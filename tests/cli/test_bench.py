@@ -38,6 +38,16 @@ class Broken(Silent):
         raise RuntimeError("no idea")
 
 
+class Forgetful(Silent):
+    def update(self, step):
+        return None
+
+
+class Wordy(Silent):
+    def update(self, step):
+        return "x"
+
+
 class Picky(Silent):
     judges = ("camera_fault",)
 """
@@ -100,8 +110,70 @@ def test_a_detector_that_fails_is_told_of_and_stops_nobody_else(run, suite, tmp_
     )
     assert result.exit_code == 1
     assert "7 of 9 runs" in result.stdout
-    assert result.stderr.count("RuntimeError: no idea") == 2
+    assert result.stderr.count("RuntimeError: no idea (bench_rivals.py:12)") == 2
     assert "failed: bench_rivals:Broken, drive" in result.stderr
+    failed = next((tmp_path / "out" / "mine" / "runs").glob("*.failed.json"))
+    assert 'raise RuntimeError("no idea")' in json.loads(failed.read_text(encoding="utf-8"))["traceback"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Forgetful", "update() must return the alerts, got None"),
+        ("Wordy", "update() must return belie.types.Alert, got 'x'"),
+    ],
+)
+def test_a_detector_that_returns_something_else_is_told_what_to_return(run, suite, tmp_path, name, said):
+    only = ("--only", f"bench_rivals:{name}", "--cache", tmp_path / "cache")
+    result = run("bench", suite, "-o", tmp_path / "out", "-j", 1, *only)
+    assert result.exit_code == 1
+    assert said in result.stderr
+
+
+OWN = """
+title = "own"
+rivals = ["default"]
+honest = false
+
+[[real]]
+paths = ["{path}"]
+{claims}
+
+[[attacks]]
+family = "hiding"
+specs = ["detections-hide"]
+onsets = [40]
+"""
+
+
+def own_suite(tmp_path, path, claims):
+    suite = tmp_path / "own.toml"
+    suite.write_text(OWN.format(path=path, claims=claims), encoding="utf-8")
+    return "bench", suite, "-o", tmp_path / "out", "-j", 1, "--cache", tmp_path / "cache"
+
+
+def test_claims_are_taken_as_they_were_recorded_detections_too(run, tmp_path, drive):
+    rows = [f"{frame},7,car,0.9,40,60,90,110" for frame in range(90)]
+    table = "frame,track_id,label,score,left,top,right,bottom\n" + "\n".join(rows) + "\n"
+    (drive.parent / "boxes.csv").write_text(table, encoding="utf-8")
+    result = run(*own_suite(tmp_path, drive, 'claims = "recorded"\ndetections = "boxes.csv"'))
+    assert result.exit_code == 0, result.output
+    assert "1 of 1 runs; " in result.stdout
+    assert result.stderr == ""
+    (record,) = (tmp_path / "out" / "own" / "runs").glob("*.json")
+    found = json.loads(record.read_text(encoding="utf-8"))
+    assert found["alert"] == "obstacle_hiding"
+    assert found["frames"] == 90
+    assert found["why_missed"].startswith("hiding ")  # the box shows a moving wall
+
+
+def test_where_no_attack_can_be_tried_it_is_told_and_nothing_is_claimed(run, tmp_path, drive):
+    result = run(*own_suite(tmp_path, drive, ""))
+    assert result.exit_code == 2
+    assert "not tried: 1 x hiding: detections-hide:start=…: no detections claims in frames" in result.stderr
+    assert 'claims = "recorded" takes the recording\'s own' in result.stderr
+    assert "no attack was run: of 1 none could be tried" in result.stderr
+    assert result.stderr.count("\n") == 2
 
 
 def test_attacks_that_a_detector_cannot_answer_are_not_run_on_it(run, suite, tmp_path):

@@ -89,7 +89,7 @@ def bench(
       belie bench quick --rival mydetector:Mine
 
     \b
-    Exit codes: 0 all ran, 1 some runs failed, 2 usage or data error.
+    Exit codes: 0 all ran, 1 some runs failed, 2 usage or data error, or no attack could be tried.
     """  # noqa: D301 (\b keeps the lines of the examples)
     from belie.evaluation.bench.suite import load_suite, shipped_suites, suite_text
 
@@ -112,6 +112,7 @@ def bench(
     from belie.evaluation.bench.runner import run_suite
     from belie.evaluation.bench.store import Store
     from belie.evaluation.bench.summary import summarise
+    from belie.types import ConfigError
 
     chosen = load_suite(suite)
     rivals = tuple(dict.fromkeys((*(only or chosen.rivals), *(rival or ()))))
@@ -131,10 +132,21 @@ def bench(
     resumed = f", {outcome.resumed} of them before" if outcome.resumed else ""
     finished = len(set(store.finished(outcome.keys)))  # closed loops are runs, too
     print(f"{finished} of {len(outcome.keys)} runs{resumed}; {page}")
+    for what in summary.not_applicable:
+        print(f"not tried: {what}", file=sys.stderr)
     for run, error in outcome.failures:
         print(f"failed: {run}: {error}", file=sys.stderr)
     if outcome.failures:
         raise typer.Exit(RUN_FAILED)
+    attacks = [r for r in records if r.spec]
+    if not finished or (attacks and all(r.not_applicable for r in attacks)):
+        raise ConfigError(_nothing_run(len(attacks), ", ".join(rivals)))
+
+
+def _nothing_run(attacks: int, rivals: str) -> str:
+    if attacks:
+        return f"no attack was run: of {attacks} none could be tried on its recording (why: above)"
+    return f"nothing was run: {rivals} judge none of the suite's attacks, and it leaves out honest recordings"
 
 
 def _print(summary: Summary) -> None:

@@ -1,5 +1,6 @@
 """The matrix of a suite, and the keys by which finished runs are known."""
 
+import os
 from dataclasses import replace
 
 import pytest
@@ -111,3 +112,31 @@ def test_a_missing_recording_says_how_to_find_it(monkeypatch):
     monkeypatch.delenv("BELIE_DATA", raising=False)
     with pytest.raises(ConfigError, match="set BELIE_DATA"):
         recordings_of(parse_suite({"title": "t", "real": [{"paths": ["no/such/folder"]}]}))
+
+
+def recorded(tmp_path, **changes):
+    (tmp_path / "drive.mcap").touch()
+    real = {"paths": [str(tmp_path / "drive.mcap")], "claims": "recorded", "seeds": [1, 2], **changes}
+    return recordings_of(parse_suite({"title": "t", "real": [real]}))
+
+
+def test_a_recording_with_its_own_claims_is_one_whatever_the_seeds(tmp_path):
+    (case,) = recorded(tmp_path, position="/gnss")
+    assert case.name == "drive.mcap recorded"
+    assert case.streams == (("position", "/gnss"),)
+
+
+def test_detections_are_found_beside_the_recording_and_known_by_their_file(tmp_path):
+    (tmp_path / "boxes.csv").touch()
+    (case,) = recorded(tmp_path, detections="boxes.csv")
+    assert case.streams == (("detections", str(tmp_path / "boxes.csv")),)
+    before = case.key
+    os.utime(tmp_path / "boxes.csv", (1, 1))
+    assert case.key != before != recorded(tmp_path)[0].key
+    with pytest.raises(ConfigError, match=r"bokses\.csv: no such file here or beside"):
+        recorded(tmp_path, detections="bokses.csv")
+
+
+def test_streams_are_named_of_recorded_claims_only(tmp_path):
+    with pytest.raises(ConfigError, match=r'real\.0: .*detections .* set claims = "recorded"'):
+        recorded(tmp_path, claims="noisy", detections="boxes.csv")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from belie.evaluation.bench.cases import DriveCase, RealCase, RecordingCase
+from belie.evaluation.bench.cases import RECORDED, DriveCase, RealCase, RecordingCase
 from belie.evaluation.bench.made_claims import CAMERA, Drive, Variant, made_recording
 from belie.evaluation.bench.memory import MemoryRecording
 from belie.evaluation.bench.pictures import Pictures
@@ -27,11 +27,15 @@ def load(case: RecordingCase, cache: Path) -> MemoryRecording:
     Raises
     ------
     RecordingError
-        If a real recording cannot be read or holds no poses.
+        If a recording cannot be read, or holds no poses to make claims from.
+    TopicError, CalibrationError
+        If of a recording's own streams one is missing or ambiguous, or its camera is not known.
     MissingExtraError
         If it must be rendered, without ``moderngl``.
     """
-    return _drive(case, cache) if isinstance(case, DriveCase) else _real(case)
+    if isinstance(case, DriveCase):
+        return _drive(case, cache)
+    return _as_recorded(case) if case.claims == RECORDED else _real(case)
 
 
 def _drive(case: DriveCase, cache: Path) -> MemoryRecording:
@@ -45,6 +49,17 @@ def _drive(case: DriveCase, cache: Path) -> MemoryRecording:
 
 def _without_objects(step: Step) -> Step:
     return replace(step, claims=tuple(c for c in step.claims if not isinstance(c, DetectionClaim)))
+
+
+def _as_recorded(case: RealCase) -> MemoryRecording:
+    """All streams as `belie check` would judge them."""
+    recording = open_recording(case.path, **cast("dict[str, Any]", dict(case.streams)))
+    return MemoryRecording(
+        name=case.name,
+        cameras=recording.cameras,
+        joined=tuple(recording.steps()),
+        body_axes=recording.body_axes,
+    )
 
 
 def _real(case: RealCase) -> MemoryRecording:

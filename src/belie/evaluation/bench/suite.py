@@ -5,9 +5,9 @@ from __future__ import annotations
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from belie.simulation.scenario import WeatherName
 from belie.types import ConfigError, Settings
@@ -31,6 +31,9 @@ class Drives(Settings):
     width: int = Field(640, description="image width [px]", ge=64, le=3840)
     height: int = Field(480, description="image height [px]", ge=48, le=2160)
     frame_rate_hz: float = Field(10.0, description="images [Hz]", ge=1.0, le=60.0)
+    field_of_view_deg: float | None = Field(
+        None, description="horizontal [deg]; the scenario's own (80) if left out", gt=10.0, lt=150.0
+    )
     patch: Literal["none", "hide", "relabel"] | None = Field(
         None,
         description="what a printed patch in view does to the simulated detector; the scenario's own if "
@@ -38,16 +41,39 @@ class Drives(Settings):
     )
 
 
+# Of `[[real]]`, the streams that it may name.
+STREAMS = ("image", "camera_info", "odometry", "position", "imu", "detections")
+
+
 class Real(Settings):
-    """Real images with reference poses; the claims are made from these with realistic noise."""
+    """Recordings: with their own claims, or as images with reference poses from which claims are made."""
 
     paths: tuple[str, ...] = Field(
-        description="recordings that hold poses (KITTI, EuRoC, TUM); relative ones are sought in BELIE_DATA"
+        description="recordings, as `belie check` reads them; relative ones are sought here, then in BELIE_DATA"
     )
-    claims: Literal["given", "noisy", "noisy50"] = Field(
-        "noisy", description="odometry as given, with noise, or with noise at 50 Hz"
+    claims: Literal["recorded", "given", "noisy", "noisy50"] = Field(
+        "noisy",
+        description="recorded: every stream as it is, detections too. The others make odometry, IMU, localisation and "
+        "GNSS from the recording's poses: given: odometry as the poses are; noisy: with noise; noisy50: at 50 Hz",
     )
-    seeds: tuple[int, ...] = Field((0,), description="of the claims' noise")
+    seeds: tuple[int, ...] = Field((0,), description="of the made claims' noise")
+    image: str | None = Field(
+        None, description="topic, as `belie check --image`; this and all below: recorded only"
+    )
+    camera_info: str | None = Field(None, description="topic or file, as `belie check --camera-info`")
+    odometry: str | None = Field(None, description='topic, or "none"')
+    position: str | None = Field(None, description='topic, "none", or "poses" (of a folder)')
+    imu: str | None = Field(None, description='topic, or "none"')
+    detections: str | None = Field(
+        None, description='topic, "none", or a file of detections: sought here, then beside the recording'
+    )
+
+    @model_validator(mode="after")
+    def _streams_are_recorded(self) -> Self:
+        named = [name for name in STREAMS if getattr(self, name) is not None]
+        if named and self.claims != "recorded":
+            raise ValueError(f'{named[0]} is of a recording\'s own streams: set claims = "recorded"')
+        return self
 
 
 class Attacks(Settings):

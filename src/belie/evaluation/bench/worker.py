@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import traceback
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from belie.attacks import AttackLabel, attack
+from belie.attacks import AttackLabel, attack, parse_attack
 from belie.detector import Config
-from belie.evaluation.bench.cases import RecordingCase, RunCase
+from belie.evaluation.bench.cases import RECORDED, RealCase, RecordingCase, RunCase
 from belie.evaluation.bench.loops import Loop, drive
 from belie.evaluation.bench.measure import Measured, measure
 from belie.evaluation.bench.memory import MemoryRecording
@@ -62,7 +63,7 @@ def run_task(task: Task) -> None:
         raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
         for case, key in task.runs:
-            store.fail(case.name, key, _line(error))
+            store.fail(case.name, key, _line(error), _trace(error))
         return
     for case, key in task.runs:
         try:
@@ -71,7 +72,7 @@ def run_task(task: Task) -> None:
         except (MissingExtraError, ConfigError) as error:
             raise ConfigError(str(error)) from None
         except Exception as error:
-            store.fail(case.name, key, _line(error))
+            store.fail(case.name, key, _line(error), _trace(error))
 
 
 def _load(task: Task) -> _Seen:
@@ -91,12 +92,20 @@ def _run(case: RunCase, key: str, maker: RivalMaker, seen: _Seen, store: Store) 
         attacked = attack(seen.frames, spec)
         labels = attacked.labels
     except AttackError as error:
-        store.save(record_of(case, key, None, (), why_not=str(error)), None)
+        store.save(record_of(case, key, None, (), why_not=f"{error}{_remedy(case)}"), None)
         return
     frames = MemoryRecording(name=case.name, cameras=seen.frames.cameras, joined=tuple(attacked.steps()))
     case = replace(case, attack=replace(case.attack, spec=spec))
     found = _measured(maker, seen, frames, camera=labels[0].stream == "camera", labels=labels)
     store.save(record_of(case, key, found, labels, size=_size(seen)), found.table)
+
+
+def _remedy(case: RunCase) -> str:
+    """What to set where an attack is on what was left out of a recording."""
+    made = isinstance(case.recording, RealCase) and case.recording.claims != RECORDED
+    if made and case.attack is not None and parse_attack(case.attack.spec).stream == "detections":
+        return f'; claims are made from poses here: claims = "{RECORDED}" takes the recording\'s own'
+    return ""
 
 
 def _measured(
@@ -129,7 +138,7 @@ def run_loop(loop: Loop, folder: Path) -> None:
     except (MissingExtraError, ConfigError) as error:
         raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
-        store.fail(loop.name, loop.key, _line(error))
+        store.fail(loop.name, loop.key, _line(error), _trace(error))
 
 
 def _size(seen: _Seen) -> str:
@@ -138,5 +147,14 @@ def _size(seen: _Seen) -> str:
 
 
 def _line(error: Exception) -> str:
-    kind = "" if isinstance(error, BelieError) else f"{type(error).__name__}: "
-    return f"{kind}{' '.join(str(error).split())}"
+    """Kind, message and place; of belie's own errors the message, which tells what to do."""
+    text = " ".join(str(error).split())
+    if isinstance(error, BelieError):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {text}{place}"
+
+
+def _trace(error: Exception) -> str:
+    return "".join(traceback.format_exception(error))
