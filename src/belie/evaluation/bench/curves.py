@@ -86,6 +86,7 @@ def roc_figure(records: Sequence[RunRecord], rivals: Sequence[str]) -> str:
             axes[0, column].set_ylim(-0.03, 1.03)
             axes[1, column].set_xscale("symlog", linthresh=1.0)
             axes[1, column].set_xlim(left=0.0)
+            axes[1, column].xaxis.set_major_formatter("{x:g}")
             axes[1, column].set_xlabel(f"false alarms {unit}")
             axes[1, column].set_ylim(bottom=0.0, top=max(1.0, axes[1, column].get_ylim()[1]))
         axes[0, 0].set_ylabel("share caught")
