@@ -91,17 +91,15 @@ def bench(
     \b
     Exit codes: 0 all ran, 1 some runs failed, 2 usage or data error, or no attack could be tried.
     """  # noqa: D301 (\b keeps the lines of the examples)
-    from belie.evaluation.bench.suite import load_suite, shipped_suites, suite_text
+    from belie.evaluation.bench.suite import commented_keys, load_suite, shipped_suites, suite_text
 
     if listed:
         for name in shipped_suites():
             print(f"{name:10} {load_suite(name).title}")
         return
     if show:
-        print(
-            suite_text(suite) if suite in shipped_suites() else Path(suite).read_text(encoding="utf-8"),
-            end="",
-        )
+        shipped = suite in shipped_suites()
+        print(f"{suite_text(suite)}\n{commented_keys()}" if shipped else _own_text(Path(suite)), end="")
         return
     from belie.cli.settings import config_from_flags
     from belie.evaluation.bench.cache import CacheSettings
@@ -141,6 +139,13 @@ def bench(
     attacks = [r for r in records if r.spec]
     if not finished or (attacks and all(r.not_applicable for r in attacks)):
         raise ConfigError(_nothing_run(len(attacks), ", ".join(rivals)))
+
+
+def _own_text(path: Path) -> str:
+    from belie.evaluation.bench.suite import load_suite
+
+    load_suite(path)  # of what is no suite it tells why
+    return path.read_text(encoding="utf-8")
 
 
 def _nothing_run(attacks: int, rivals: str) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args, get_origin
 
 from pydantic import Field, model_validator
 
+from belie.evaluation.config_toml import toml_value
 from belie.simulation.scenario import WeatherName
 from belie.types import ConfigError, Settings
 
@@ -54,7 +56,8 @@ class Real(Settings):
     claims: Literal["recorded", "given", "noisy", "noisy50"] = Field(
         "noisy",
         description="recorded: every stream as it is, detections too. The others make odometry, IMU, localisation and "
-        "GNSS from the recording's poses: given: odometry as the poses are; noisy: with noise; noisy50: at 50 Hz",
+        "GNSS from the recording's poses: given: exact odometry; noisy: 1 % off, at "
+        "the frame rate; noisy50: at 50 Hz",
     )
     seeds: tuple[int, ...] = Field((0,), description="of the made claims' noise")
     image: str | None = Field(
@@ -80,7 +83,10 @@ class Attacks(Settings):
     """One family of attacks: each specification at each onset and magnitude."""
 
     family: str = Field(description="its name in the tables")
-    goal: Goal = Field("other", description="the paper's goal that it belongs to")
+    goal: Goal = Field(
+        "other",
+        description="the paper's goal: odometry or position spoofing, obstacle hiding, object misclassification",
+    )
     specs: tuple[str, ...] = Field(
         description="as `belie attack` takes them, without start; {x} stands for the magnitude, {minus_x} "
         "and "
@@ -97,10 +103,14 @@ class Attacks(Settings):
     )
     onsets: tuple[int, ...] = Field((100,), description="first attacked frames")
     lasts: int | None = Field(
-        None, description="attacked frames, where the attack's own length is not meant", ge=1
+        None,
+        description="attacked frames; the attack's own if left out (the paper's: 10; others: to the end)",
+        ge=1,
     )
     within: int | None = Field(
-        None, description="frames within which an alert is a hit; to the end of the attack if left out", ge=1
+        None,
+        description="frames within which an alert is a hit; to a second after the attack if left out",
+        ge=1,
     )
     target: Literal["any", "staying"] = Field(
         "any",
@@ -113,7 +123,7 @@ class Attacks(Settings):
 class ClosedLoop(Settings):
     """Drives that are steered by the attacked claims, without belie and with it."""
 
-    scenario: str = Field("closed-loop", description="where")
+    scenario: str = Field("closed-loop", description="name of `belie simulate`, or path to a scenario file")
     attacks: tuple[str, ...] = Field(("paper-odometry:start=60",), description="on the claims it steers by")
     seeds: tuple[int, ...] = Field((1,), description="of the world")
     duration_s: float = Field(10.0, description="length [s]", gt=0.0)
@@ -140,6 +150,11 @@ class Suite(Settings):
     closed_loop: ClosedLoop | None = None
 
 
+_TABLES: dict[str, type[Settings]] = {
+    "at the top": Suite, "[[drives]]": Drives, "[[real]]": Real, "[[attacks]]": Attacks, "[closed_loop]": ClosedLoop,
+}  # fmt: skip
+
+
 def shipped_suites() -> tuple[str, ...]:
     """Names of the suites in the package, sorted.
 
@@ -157,6 +172,50 @@ def suite_text(name: str) -> str:
     True
     """
     return (files("belie.evaluation.bench") / "suites" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def suite_keys() -> Iterator[tuple[str, list[tuple[str, str, str]]]]:
+    """Of every table of a suite its keys: name, value if left out, meaning.
+
+    >>> next(suite_keys())[1][0]
+    ('title', 'needed', 'one line')
+    """
+    for table, model in _TABLES.items():
+        keys = [
+            (
+                name,
+                "needed" if field.is_required() else _default(field.default),
+                f"{field.description}{_choices(field.annotation)}",
+            )
+            for name, field in model.model_fields.items()
+            if field.description
+        ]
+        yield table, keys
+
+
+def commented_keys() -> str:
+    """All keys of a suite as comments, to stand below one that is printed.
+
+    >>> commented_keys().splitlines()[:3]
+    ['# What a suite may say: key, value if left out, meaning.', '#', '# at the top']
+    """
+    lines = ["What a suite may say: key, value if left out, meaning."]
+    for table, keys in suite_keys():
+        lines += ["", table, *(f"  {name} ({default}): {meaning}" for name, default, meaning in keys)]
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def _choices(annotation: object) -> str:
+    """The words that a key takes, if it takes certain ones only."""
+    if get_origin(annotation) is Literal:
+        return f"; {', '.join(get_args(annotation))}"
+    return "".join(dict.fromkeys(_choices(part) for part in get_args(annotation)))
+
+
+def _default(value: object) -> str:
+    if value is None or value in ("", ()):
+        return "–"
+    return toml_value(list(value) if isinstance(value, tuple) else value)
 
 
 def load_suite(path_or_name: str | Path) -> Suite:
