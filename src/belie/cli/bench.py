@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -132,8 +132,8 @@ def bench(
     print(f"{finished} of {len(outcome.keys)} runs{resumed}; {page}")
     for what in summary.not_applicable:
         print(f"not tried: {what}", file=sys.stderr)
-    for run, error in outcome.failures:
-        print(f"failed: {run}: {error}", file=sys.stderr)
+    for line in _failed(outcome.failures):
+        print(f"failed: {line}", file=sys.stderr)
     if outcome.failures:
         raise typer.Exit(RUN_FAILED)
     attacks = [r for r in records if r.spec]
@@ -146,6 +146,15 @@ def _own_text(path: Path) -> str:
 
     load_suite(path)  # of what is no suite it tells why
     return path.read_text(encoding="utf-8")
+
+
+def _failed(failures: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """One line an error: what is wrong with a recording or a detector fails many runs."""
+    runs: dict[str, list[str]] = {}
+    for run, error in failures:
+        runs.setdefault(error, []).append(run)
+    for error, (first, *more) in runs.items():
+        yield f"{first}{f' (and {len(more)} more)' if more else ''}: {error}"
 
 
 def _nothing_run(attacks: int, rivals: str) -> str:

@@ -149,7 +149,7 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
 def _verdicts(steps: Iterable[Step], rival: Rival) -> Iterator[tuple[Verdict, Step]]:
     for number, step in enumerate(steps):
         began = time.perf_counter()
-        alerts = _alerts(rival.update(step))
+        alerts = _alerts(rival, rival.update(step))
         spent_ms = (time.perf_counter() - began) * 1e3 + float(getattr(rival, "saved_ms", 0.0))
         verdict = Verdict(
             frame=number,
@@ -162,13 +162,13 @@ def _verdicts(steps: Iterable[Step], rival: Rival) -> Iterator[tuple[Verdict, St
         yield verdict, step
 
 
-def _alerts(answer: object) -> tuple[Alert, ...]:
+def _alerts(rival: Rival, answer: object) -> tuple[Alert, ...]:
     """What a detector gave for a frame, if these are alerts: a user's own may give anything."""
     if not isinstance(answer, Iterable):
-        raise TypeError(f"update() must return the alerts, got {answer!r}")
+        raise TypeError(f"{type(rival).__name__}.update() must return the alerts, got {answer!r}")
     alerts = tuple(answer)
     if strange := [one for one in alerts if not isinstance(one, Alert)]:
-        raise TypeError(f"update() must return belie.types.Alert, got {strange[0]!r}")
+        raise TypeError(f"{type(rival).__name__}.update() must return belie.types.Alert, got {strange[0]!r}")
     return alerts
 
 

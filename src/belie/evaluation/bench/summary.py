@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -103,8 +102,11 @@ def summarise(
             for one in r.false_alerts
         ),
         not_applicable=tuple(
-            f"{count} x {why}"
-            for why, count in Counter(_reason(r) for r in records if r.not_applicable).most_common()
+            # Of one kind the first stands for all, with its numbers: they say what to set.
+            f"{len(own)} x {own[0].family}: {own[0].not_applicable}"
+            for _, own in sorted(
+                _by((r for r in records if r.not_applicable), _reason), key=lambda g: -len(g[1])
+            )
         ),
         failures=tuple(failures),
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sysconfig
 import traceback
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 
 from belie.attacks import AttackLabel, attack, parse_attack
@@ -20,6 +22,8 @@ from belie.evaluation.bench.rivals.remembered import OtherImagesError, Sight
 from belie.evaluation.bench.store import Store, record_of
 from belie.evaluation.bench.targets import targeted
 from belie.types import AttackError, BelieError, ConfigError, MissingExtraError
+
+_NOT_THEIRS = (str(files("belie")), *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +156,9 @@ def _line(error: Exception) -> str:
     if isinstance(error, BelieError):
         return text
     frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    # A detector of the user's own is where to look, not what it called.
+    theirs = [frame for frame in frames if not frame.filename.startswith(_NOT_THEIRS)] or frames
+    place = f" ({Path(theirs[-1].filename).name}:{theirs[-1].lineno})" if theirs else ""
     return f"{type(error).__name__}: {text}{place}"
 
 
