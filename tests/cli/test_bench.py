@@ -277,4 +277,4 @@ def test_a_first_look_shows_every_kind_of_attack_found(run, tmp_path):
     assert "What was missed" not in result.stdout
     rows = (tmp_path / "out" / "quick" / "table.md").read_text(encoding="utf-8")
     assert len(re.findall(r"^\| .* \| no fog \| 1/1 ", rows, re.MULTILINE)) == 7
-    assert "| default | street-straight sunny | 1 | 7 s | 0 |" in rows
+    assert "| default | street-straight sunny | 1 | 6 s | 0 |" in rows
