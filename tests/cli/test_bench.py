@@ -5,6 +5,11 @@ import re
 
 import pytest
 
+from belie.evaluation.bench.cases import recordings_of
+from belie.evaluation.bench.recorded import load
+from belie.evaluation.bench.suite import load_suite
+from belie.types import PoseClaim
+
 SUITE = """
 title = "mine"
 description = "a small drive"
@@ -181,6 +186,10 @@ def test_claims_are_taken_as_they_were_recorded_detections_too(run, tmp_path, dr
     assert found["alert"] == "obstacle_hiding"
     assert found["frames"] == 90
     assert found["why_missed"].startswith("hiding ")  # the box shows a moving wall
+    motion_only = load_suite(tmp_path / "own.toml").model_copy(update={"objects": False})
+    (case,) = recordings_of(motion_only)
+    steps = load(case, tmp_path / "cache").joined
+    assert {type(claim) for step in steps for claim in step.claims} == {PoseClaim}
 
 
 def test_where_no_attack_can_be_tried_it_is_told_and_nothing_is_claimed(run, tmp_path, drive):

@@ -65,12 +65,15 @@ class RealCase:
         Of the made claims' noise.
     streams : tuple of (str, str)
         Of its own streams, those that are named: arguments of `belie.recordings.open_recording`.
+    objects : bool
+        Whether its own detections are judged.
     """
 
     path: Path
     claims: str
     seed: int = 0
     streams: tuple[tuple[str, str], ...] = ()
+    objects: bool = True
 
     weather = "real"
 
@@ -89,9 +92,8 @@ class RealCase:
         """Names everything that it follows from; the files are taken to stay as they are."""
         files = [self.path, *(Path(name) for _, name in self.streams)]
         stamps = [file.stat().st_mtime_ns if file.exists() else None for file in files]
-        return content_key(
-            [str(self.path), self.streams, stamps, self.claims, self.seed, code_key(("recordings",))]
-        )
+        known = [str(self.path), self.streams, stamps, self.claims, self.seed, self.objects]
+        return content_key([*known, code_key(("recordings",))])
 
 
 RecordingCase = DriveCase | RealCase
@@ -151,7 +153,7 @@ def recordings_of(suite: Suite) -> list[RecordingCase]:
         Where a scenario or a folder of real recordings is missing.
     """
     drives = [case for group in suite.drives for case in _drives(group, objects=suite.objects)]
-    return [*drives, *(case for group in suite.real for case in _real(group))]
+    return [*drives, *(case for group in suite.real for case in _real(group, objects=suite.objects))]
 
 
 def attacks_on(recording: RecordingCase, suite: Suite) -> list[AttackCase]:
@@ -224,7 +226,7 @@ def _drives(group: Drives, *, objects: bool) -> Iterator[DriveCase]:
             )
 
 
-def _real(group: Real) -> Iterator[RealCase]:
+def _real(group: Real, *, objects: bool) -> Iterator[RealCase]:
     own = group.claims == RECORDED
     for text in group.paths:
         path = _found(text, _data_folders())
@@ -235,7 +237,7 @@ def _real(group: Real) -> Iterator[RealCase]:
             )
         streams = tuple((name, _stream(value, path)) for name in STREAMS if (value := getattr(group, name)))
         for seed in (0,) if own else group.seeds:
-            yield RealCase(path=path, claims=group.claims, seed=seed, streams=streams)
+            yield RealCase(path=path, claims=group.claims, seed=seed, streams=streams, objects=objects)
 
 
 def _stream(value: str, recording: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -42,13 +43,17 @@ def _drive(case: DriveCase, cache: Path) -> MemoryRecording:
     pictures = Pictures(scenario=case.scenario, cache=cache)
     pictures.render()
     drive, steps = pictures.steps(case.sensor_seed)
-    if not case.objects:
-        steps = tuple(_without_objects(step) for step in steps)
-    return MemoryRecording(name=case.name, cameras=drive.cameras, joined=steps)
+    return MemoryRecording(name=case.name, cameras=drive.cameras, joined=_judged(steps, objects=case.objects))
 
 
-def _without_objects(step: Step) -> Step:
-    return replace(step, claims=tuple(c for c in step.claims if not isinstance(c, DetectionClaim)))
+def _judged(steps: Iterable[Step], *, objects: bool) -> tuple[Step, ...]:
+    """All steps; without their detections where these are not judged."""
+    if objects:
+        return tuple(steps)
+    return tuple(
+        replace(step, claims=tuple(c for c in step.claims if not isinstance(c, DetectionClaim)))
+        for step in steps
+    )
 
 
 def _as_recorded(case: RealCase) -> MemoryRecording:
@@ -57,7 +62,7 @@ def _as_recorded(case: RealCase) -> MemoryRecording:
     return MemoryRecording(
         name=case.name,
         cameras=recording.cameras,
-        joined=tuple(recording.steps()),
+        joined=_judged(recording.steps(), objects=case.objects),
         body_axes=recording.body_axes,
     )
 
