@@ -91,6 +91,30 @@ def test_hiding_takes_one_object_and_no_other():
     assert (label.onset_ns, label.end_ns) == (20 * PERIOD_NS, 30 * PERIOD_NS)
 
 
+@pytest.mark.parametrize("kind", ["hide:", "relabel:", "shift:dx=0.3,", "patch:rate=0.99,"])
+@pytest.mark.parametrize("stop", [",stop=40", ""])
+def test_a_label_ends_with_the_last_lie(kind, stop):
+    def leaves(k):  # the car goes at frame 25, and is seen once more
+        return moving(k)[0 if k < 25 or k == 30 else 1 :]
+
+    _, label = run(f"detections-{kind}start=20{stop}", Road(boxes=leaves))
+    assert (label.onset_ns, label.stop_frame, label.end_ns) == (20 * PERIOD_NS, 31, 31 * PERIOD_NS)
+    _, label = run(f"detections-{kind}start=20")
+    assert (label.stop_frame, label.end_ns) == (60, 59 * PERIOD_NS)
+
+
+def test_a_lie_lasts_until_the_next_message():
+    class Slow(Road):
+        """A detector that looks at every third frame."""
+
+        def steps(self):
+            for k, step in enumerate(super().steps()):
+                yield step if k % 3 == 0 else replace(step, claims=())
+
+    _, label = run("detections-hide:start=20,stop=30", Slow())
+    assert (label.stop_frame, label.end_ns) == (30, 30 * PERIOD_NS)
+
+
 def test_the_default_object_is_the_largest_that_is_held():
     # The person is larger, but was not there a second before the onset.
     assert run("detections-hide:start=30,stop=35")[1].object == "7"

@@ -198,3 +198,14 @@ def test_a_wheel_odometry_claims_no_pitch(lie_deg):
         answers.append(check.update(estimate(i, seen), claimed).status)
     assert Status.CONTRADICTED not in answers[:249]
     assert (Status.CONTRADICTED in answers[249:260]) == (lie_deg > 0.0)
+
+
+def test_a_pitch_that_is_not_claimed_is_no_gain_of_the_camera():
+    """Learned as one, it was expected of the next curve, and honest odometry accused there."""
+    rng, check = np.random.default_rng(5), odometry()
+    for i in range(1, 260):
+        yaw = rng.normal(0.0, 2e-4) + (0.02 if i >= 200 else 0.0)
+        seen = SE3.exp([0.0, 0.0, 0.8, rng.normal(0.0, 6e-3), yaw, 0.0])
+        answer = check.update(estimate(i, seen), SE3.exp([0.0, 0.0, 0.8, 0.0, yaw, 0.0]))
+        assert answer.status is not Status.CONTRADICTED, i
+    assert abs(check.test.errors.mean[6]) < 0.02  # of the visual rotation

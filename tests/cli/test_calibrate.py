@@ -22,3 +22,12 @@ def test_an_attacked_drive_is_refused(run, attacked, tmp_path):
     assert "looks attacked: odometry_spoofing on /odom at 6." in result.stderr
     assert result.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_detector_that_teaches_nothing_is_told(run, drive, tmp_path):
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text("frame,label,left,top,right,bottom\n80,car,10,10,60,60\n81,,,,,\n")  # in the last third
+    result = run("calibrate", drive, "--detections", boxes, "-o", tmp_path / "belie.toml")
+    assert result.exit_code == 0, result.output
+    assert "/detections: its misses and misnamings were not learned: 0 messages" in result.stdout
+    assert "/detections" not in run("calibrate", drive, "-o", tmp_path / "none.toml").stdout

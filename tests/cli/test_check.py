@@ -37,6 +37,10 @@ def test_json_alone_on_stdout(run, attacked):
     frame, alert = alerts[0]
     assert 60 <= frame <= 63
     assert (alert["type"], alert["source"], alert["object"]) == ("odometry_spoofing", "/odom", None)
+    assert set(alert) == {"type", "source", "onset_ns", "object", "because"}
+    reasons = [c["reason"] for c in verdicts[frame]["checks"] if c["status"] == "contradicted"]
+    assert alert["because"] == "; ".join(reasons)
+    assert alert["because"]
     assert "odometry_spoofing" in result.stderr
 
 
@@ -86,11 +90,13 @@ def test_settings_from_file_and_flags(run, drive, tmp_path):
     assert len(undecided) >= 30
 
 
-def test_a_detector_that_cannot_be_used_is_one_line(run, drive, tmp_path):
+@pytest.mark.parametrize("command", ["check", "info", "calibrate"])
+def test_a_detector_that_cannot_be_used_is_one_line(run, drive, tmp_path, command):
     text = tmp_path / "text.onnx"
     text.write_text("hello")
+    output = ["-o", tmp_path / "belie.toml"] if command == "calibrate" else []
     for model, expected in ((tmp_path / "none.onnx", "no such file"), (text, "is no ONNX model")):
-        result = run("check", drive, "--detector", model)
+        result = run(command, drive, "--detector", model, *output)
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
         assert expected in result.stderr
 
@@ -162,3 +168,44 @@ def test_damaged_files_are_one_line(run, tmp_path, attacked):
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1, result.stderr
         assert str(path) in result.stderr
+
+
+@pytest.fixture
+def boxes(tmp_path):
+    """A CSV file of three boxes of one label in each of thirty frames, shifted to the right by some pixels."""
+
+    def write(label="car", right_px=0, seldom=""):
+        lines = ["frame,track_id,label,left,top,right,bottom"]
+        lines += [f"{frame},sign,{seldom},250,180,280,220" for frame in range(5 if seldom else 0)]
+        for frame in range(30):
+            for k in range(3):
+                left = 10 + 90 * k + right_px
+                lines.append(f"{frame},{k},{label},{left},{70 * k + 10},{left + 50},{70 * k + 50}")
+        path = tmp_path / "boxes.csv"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("command", ["check", "info"])
+def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
+    out = " ".join(run(command, drive, "--detections", boxes(right_px=5000)).stderr.split())
+    assert "belie: warning: " in out
+    assert (
+        "90 of 90 boxes have no area inside the image of 320x240 px (first in line 2) and are left out; give left"
+        in out
+    )
+    out = " ".join(run(command, drive, "--detections", boxes(label="wombat")).stderr.split())
+    assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out
+    assert "objects.classes.groups" in out
+    assert "warning" not in run(command, drive, "--detections", boxes()).stderr
+    is_told = "'stop sign' (5)" in run(command, drive, "--detections", boxes(seldom="stop sign")).stderr
+    assert is_told == (command == "info")
+
+
+def test_the_summary_tells_of_objects(run, drive, boxes):
+    result = run("check", drive, "--detections", boxes())
+    line = next(line for line in result.stdout.splitlines() if line.startswith("objects"))
+    assert "/detections: 30 messages, 90 boxes, 3 objects; " in line
+    assert "objects  " not in run("check", drive).stdout

@@ -103,6 +103,8 @@ def test_habits_become_settings_with_the_interval_that_they_are_known_to(monkeyp
     assert learnt.words == (
         "/detections: misses 5.00 % (3.69 to 6.74 %) and misnames 1.00 % (0.51 to 1.96 %) of 800 messages about "
         "objects that it should see",
+        "/rare: its misses and misnamings were not learned: 30 messages about objects that it should see, 200 of one "
+        "recording are needed; the settings stay as they were",
     )
     learn_habits([part], Config(), lambda: None, from_accused=False)
     assert HeardDetector.rates[0] < 1e-100  # nobody is accused, so that all errors teach

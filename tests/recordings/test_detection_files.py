@@ -1,5 +1,9 @@
 """Detections from files beside a recording: KITTI tracking labels, MOT text and CSV, on folders, videos and bags."""
 
+import json
+import re
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -142,7 +146,42 @@ def test_what_is_out_of_the_image_is_left_out_and_counted(tmp_path, folder):
     recording = open_recording(folder, detections=str(write(tmp_path, text)))
     assert told(recording) == {0: ["van"], 1: []}
     assert claims(recording)[0][1].detections[0].box_px.tolist() == [60, 40, 64, 48]
-    assert recording.join_counts.invalid["/detections"] == 2
+    assert recording.join_counts.outside["/detections"] == 2
+    (warning,) = recording.warnings
+    assert (
+        "2 of 3 boxes have no area inside the image of 64x48 px (first in line 2) and are left out; give left"
+        in warning
+    )
+
+
+def test_rows_that_stand_there_twice_are_left_out_and_counted(tmp_path, folder):
+    header, *lines = CSV.splitlines()
+    doubled = "\n".join([header, *lines, lines[0].replace(",a,", ",c,"), *lines]) + "\n"
+    recording = open_recording(folder, detections=str(write(tmp_path, doubled)))
+    assert told(recording) == {0: ["car", "car"], 1: [], 2: [], 3: ["van"]}  # another id is another object
+    assert recording.join_counts.repeated["/detections"] == 2
+    (warning,) = recording.warnings
+    assert "2 of 5 boxes stand in the file more than once (first in line 6) and are left out" in warning
+    assert open_recording(folder, detections=str(write(tmp_path, CSV))).warnings == ()
+
+
+def test_csv_as_spreadsheets_write_it(tmp_path, folder):
+    text = 'frame,label,left,top,right,bottom\n0,"car, parked",1,2,30,40\n'
+    path = tmp_path / "excel.csv"
+    path.write_text(text, encoding="utf-8-sig")
+    assert told(open_recording(folder, detections=str(path))) == {0: ["car, parked"]}
+
+
+def test_the_documented_way_from_json(tmp_path, folder, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs" / "detection-files.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    boxes = [{"frame": 0, "track_id": 7, "label": "car", "xyxy": [1, 2, 30, 40]}]
+    (tmp_path / "boxes.json").write_text(json.dumps(boxes))
+    monkeypatch.chdir(tmp_path)
+    exec(lines, {})
+    ((_, claim),) = claims(open_recording(folder, detections=str(tmp_path / "boxes.csv")))
+    (car,) = claim.detections
+    assert (car.track_id, car.label, car.score, car.box_px.tolist()) == ("7", "car", 1.0, [1, 2, 30, 40])
 
 
 @pytest.mark.parametrize(
@@ -179,6 +218,15 @@ def test_what_is_out_of_the_image_is_left_out_and_counted(tmp_path, folder):
             r"line 2: 9.500000 s, but the frames run from",
         ),
         ("stamp_s,label,left,top,right,bottom\nsoon,car,1,2,3,4\n", r"line 2: 'soon' is no time"),
+        ("frame,left,top,right,bottom\n", r"line 1: the column label is missing"),
+        ("frame,label,left,top,width,height\n", r"line 1: found left, top, width, height; give edges"),
+        ('frame,label,left,top,right,bottom\n0,"car,1,2,3,4\n', r"line 2: .*; check its quotes"),
+        (CSV.replace(",", ";"), r"separates its columns by semicolons; write it with commas"),
+        ("0,1,car,0.9,1,2,3,4\n", r"has no header: it starts with '0,1,car"),
+        (KITTI[len("0 1 ") :], r"KITTI's object labels .*; put both before each line"),
+        ("0 1 Car 0 0 -10 1 2 3\n", r"line 1: expected KITTI's 17 or 18 fields.* found 9 fields"),
+        ('{"objects": [{"label": "car, left, top"}]}', r"is JSON; docs/detection-files.md shows"),
+        ('[{"image_id": 1, "bbox": [1, 2, 3, 4]}]', r"is COCO's JSON; docs/detection-files.md"),
         ("hello\n", r"holds no detections that belie knows: it starts with 'hello'"),
         ("", r"is empty"),
         (CSV.splitlines()[0] + "\n", r"holds a header and no detection; leave it out, or say"),

@@ -107,6 +107,18 @@ def test_a_recording_with_a_detector(tmp_path, new_bag):
     assert (stream.topic, stream.message_type, stream.count) == ("detector:tiny", "ONNX model", 5)
 
 
+def test_what_a_detector_saw_is_remembered_where_asked(tmp_path, new_bag, monkeypatch):
+    names = tmp_path / "names.txt"
+    names.write_text("person\ncar\ntruck\n")
+    detector = OnnxDetector(model(tmp_path / "tiny.onnx", "v8"), names=names)
+    looked = []
+    monkeypatch.setattr(detector, "_run", lambda blob, run=detector._run: looked.append(1) or run(blob))
+    recording = with_detector(open_recording(new_bag().drive().write()), detector, remember=True)
+    first, second = ([step.claims for step in recording.steps()] for _ in range(2))
+    assert len(looked) == 5
+    assert [claims[-1].stamp_ns for claims in first] == [claims[-1].stamp_ns for claims in second]
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [

@@ -131,7 +131,9 @@ class AttackedRecording:
 
     @cached_property
     def labels(self) -> tuple[AttackLabel, ...]:
-        """One label an attack, those of an attacked source first; reads the recording up to the last onset.
+        """One label an attack, those of an attacked source first.
+
+        Reads the recording up to the last onset; where objects are attacked, until that ends.
 
         Raises
         ------
@@ -155,7 +157,9 @@ class AttackedRecording:
                     sent = claim
                     for found in claimed:
                         sent = found.look(sent)
-                if step.frame.stamp_ns > enough_ns and all(found.onsets for found in claimed):
+                if step.frame.stamp_ns > enough_ns and all(
+                    found.is_known(step.frame.stamp_ns) for found in claimed
+                ):
                     break
         for found in claimed:
             if not found.onsets:
@@ -182,6 +186,21 @@ class _Found:
             self.onsets[claim.source] = min(claim.stamp_ns, self.onsets.get(claim.source, claim.stamp_ns))
         return claim
 
+    def is_known(self, stamp_ns: int) -> bool:
+        """Whether all is found once the recording is read to a time; objects may go, and come again, until the end."""
+        end_ns = self.plan.span.end_ns
+        is_over = self.detections is None or (end_ns is not None and stamp_ns >= end_ns)
+        return bool(self.onsets) and is_over
+
+    def span(self) -> tuple[int, int | None]:
+        """First honest frame again and its stamp, None where there is none; never after the end of the plan's span."""
+        span, stamps_ns = self.plan.span, self.plan.clock.stamps_ns
+        ends = {} if self.detections is None else self.detections.ends
+        if len(ends) < len(self.onsets):
+            return span.stop_frame, span.end_ns
+        stop = int(np.searchsorted(stamps_ns, max(ends.values())))
+        return (stop, int(stamps_ns[stop])) if stop < span.stop_frame else (span.stop_frame, span.end_ns)
+
     def nothing(self, present: tuple[str, ...]) -> AttackError:
         """The error where it finds nothing to act on in a recording of these streams."""
         if self.detections is not None:
@@ -191,6 +210,7 @@ class _Found:
 
 def _label(found: _Found, last_ns: int) -> AttackLabel:
     plan, onset_ns = found.plan, min(found.onsets.values())
+    stop_frame, end_ns = found.span()
     return AttackLabel(
         name=plan.spec.name,
         text=plan.spec.to_text(),
@@ -198,10 +218,10 @@ def _label(found: _Found, last_ns: int) -> AttackLabel:
         sources=tuple(sorted(found.onsets)),
         alert=expected_alert(plan.spec),
         start_frame=plan.span.start_frame,
-        stop_frame=plan.span.stop_frame,
+        stop_frame=stop_frame,
         start_ns=plan.span.start_ns,
         onset_ns=onset_ns,
-        end_ns=max(last_ns, onset_ns) if plan.span.end_ns is None else plan.span.end_ns,
+        end_ns=max(last_ns, onset_ns) if end_ns is None else end_ns,
         seed=int(plan.spec.number("seed")),
         object=found.detections.object if found.detections else None,
         other=found.detections.other if found.detections else None,

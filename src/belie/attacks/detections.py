@@ -46,6 +46,8 @@ class DetectionAttack:
         The second object of a swap.
     onsets : dict of str to int
         Stamp of the first message that lies, by source.
+    ends : dict of str to int
+        Stamp of the first honest message after the last one that lies, by source; none where none came.
 
     Examples
     --------
@@ -63,6 +65,7 @@ class DetectionAttack:
         self.object: str | None = None
         self.other: str | None = None
         self.onsets: dict[str, int] = {}
+        self.ends: dict[str, int] = {}
         self._plan = plan
         self._model: CameraModel | None = plan.camera.model if plan.camera is not None else None
         self._streams: dict[str, _Stream] = {}
@@ -81,8 +84,11 @@ class DetectionAttack:
             lie = self._lie(claim, stream)
             if lie is not claim:
                 self.onsets[claim.source] = min(claim.stamp_ns, self.onsets.get(claim.source, claim.stamp_ns))
+                self.ends.pop(claim.source, None)
         elif claim.stamp_ns < self._plan.span.start_ns:
             stream.stale.before(claim)
+        if lie is claim and claim.source in self.onsets:
+            self.ends.setdefault(claim.source, claim.stamp_ns)
         stream.seen.add(claim)
         return lie
 

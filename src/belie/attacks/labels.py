@@ -37,7 +37,8 @@ class AttackLabel:
     onset_ns : int
         Stamp of the first message that lies.
     end_ns : int
-        Stamp of `stop_frame`, the first honest one again; of the last frame, where there is none.
+        Stamp of `stop_frame`, the first honest one again; of the last frame, where there is none. An attack on an
+        object that is told of no more ends with that.
     seed : int
         Of everything random.
     object : str or None

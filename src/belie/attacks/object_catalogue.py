@@ -8,6 +8,7 @@ from belie.attacks.option import Option
 BOX = ("x", "y", "w", "h")
 _BIRD = Option(name="to", form="text", default="bird", meaning="label that the object is given")
 _FRAMES_OF_THE_PAPER = 10
+_UNSEEN = "belie checks no box's size or place as long as it overlaps its object by an IoU of 0.25"
 
 
 def detection_attacks() -> list[AttackKind]:
@@ -34,17 +35,30 @@ def detection_attacks() -> list[AttackKind]:
         meaning="probability per message that the detector is fooled",
     )
     table: list[tuple[str, str, tuple[Option, ...], str | None]] = [
-        ("hide", "one object is left out of the message", (), None),
-        ("relabel", "one object gets another label; box, position and id stay", (_BIRD,), None),
+        (
+            "hide",
+            "one object is left out of the message. belie does not miss one of which less than 70 % is inside the "
+            "image: the largest may be a car at its edge",
+            (),
+            None,
+        ),
+        (
+            "relabel",
+            "one object gets another label; box, position and id stay. belie does not contradict a label of the same "
+            "group (car, van, truck)",
+            (_BIRD,),
+            None,
+        ),
         (
             "shift",
-            "one box is moved, its position with it at the same depth; out of the image it is left out",
+            f"one box is moved, its position with it at the same depth; out of the image it is left out. {_UNSEEN} (a "
+            "shift of 0.6 widths)",
             (dx, dy),
             "dx",
         ),
         (
             "shrink",
-            "one object shrinks about its middle: box and dimensions, not its position",
+            f"one object shrinks about its middle: box and dimensions, not its position. {_UNSEEN} (a factor of 0.5)",
             (factor,),
             "factor",
         ),
@@ -58,7 +72,8 @@ def detection_attacks() -> list[AttackKind]:
         ("swap", "two objects exchange their track ids", (other,), None),
         (
             "delay",
-            "all objects (one, if object is given) stall for `delay`, then run that much late under new stamps",
+            "all objects (one, if object is given) stall for `delay`, then run that much late under new stamps. "
+            f"{_UNSEEN} (objects that are slow in the image)",
             (delay_option(5),),
             "delay",
         ),

@@ -177,12 +177,13 @@ class OdometryCheck:
             and self._know_scale(estimate, T_prev_cur)
             and self._sees_translation(estimate, T_prev_cur)
         )
-        r, H, noise = self._residual(estimate, T_prev_cur, interval_s, translates)
+        known = np.array([translates] * 3 + [*self._turned_about(T_prev_cur)])
+        r, H, noise = self._residual(estimate, T_prev_cur, interval_s, known)
         # A change of scale shows along the motion, which is seldom an axis of the camera.
         length = float(np.linalg.norm(estimate.T_prev_cur.t))
         # Where it is no longer than its error, its direction is noise, and the difference is always negative along it.
         directed = length > _DIRECTED * math.sqrt(float(np.trace(estimate.covariance[:3, :3])))
-        tested = np.array([translates] * 3 + [*self._turned_about(T_prev_cur)] + [translates and directed])
+        tested = np.append(known, translates and directed)
         along = np.zeros((1, 6))
         along[0, :3] = estimate.T_prev_cur.t / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
         if over_gap and not self.test.is_jump(r, H, noise, tested, along):
@@ -252,10 +253,14 @@ class OdometryCheck:
         return spread_m < max(float(np.linalg.norm(T_prev_cur.t)), _SHORT_M)
 
     def _residual(
-        self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, translates: bool
+        self, estimate: VisualEstimate, T_prev_cur: SE3, interval_s: float, known: npt.NDArray[np.bool_]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """R (6,), H (6, 11) and the noise (6, 6) of the comparison; see the module's formulas."""
-        s = self.settings
+        """R (6,), H (6, 11) and the noise (6, 6) of the comparison; see the module's formulas.
+
+        What is not `known`, shape (6,), tells nothing of the systematic errors either: the pitch that a wheel odometry
+        does not know of would be taken for a gain of the camera's rotation, and miss in the next curve.
+        """
+        s, translates = self.settings, bool(known[0])
         R = estimate.T_prev_cur.R
         omega = so3_log(R)  # the seen one: a lie must not widen its own margin
         metric = (self.metres_per_unit or 1.0) if translates else 0.0
@@ -279,9 +284,8 @@ class OdometryCheck:
         velocity = np.concatenate([t, omega]) / interval_s
         noise += 2.0 * s.clock_jitter_s**2 * np.outer(velocity, velocity)
         r = np.concatenate([T_prev_cur.t - t, so3_log(R.T @ T_prev_cur.R)])
-        if not translates:  # the translation is not tested: nothing of it is known
-            r[:3], H[:3] = 0.0, 0.0
-            noise[:3, 3:] = noise[3:, :3] = 0.0
+        r[~known], H[~known] = 0.0, 0.0
+        noise[~known ^ ~known[:, None]] = 0.0  # nothing is inferred from what is not known to what is
         return r, H, noise
 
     def _result(

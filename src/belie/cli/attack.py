@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from belie.cli.damage import tell_damage
+from belie.cli.detection_warnings import tell_detections
 from belie.cli.errors import keep_apart
 from belie.cli.live import (
     Domain,
@@ -155,6 +156,7 @@ def attack(
         geodetic_origin=recording.geodetic_origin,
     )
     tell_damage(recording)
+    tell_detections(recording)
     write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 

@@ -8,10 +8,14 @@ from typing import Annotated
 import typer
 
 from belie.cli.damage import tell_damage
+from belie.cli.detection_warnings import tell_detections
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
     Detections,
+    DetectorLabels,
+    DetectorModel,
+    DetectorThreads,
     FalseAlarms,
     Image,
     Imu,
@@ -20,6 +24,7 @@ from belie.cli.options import (
     Profile,
     Rate,
 )
+from belie.cli.own_detector import with_own_detector
 
 _MOST_PASSES = 10  # of the whole, at most: the learning passes read two thirds
 
@@ -42,6 +47,9 @@ def calibrate(
     position: Position = None,
     imu: Imu = None,
     detections: Detections = None,
+    detector: DetectorModel = None,
+    detector_labels: DetectorLabels = None,
+    detector_threads: DetectorThreads = 2,
     rate: Rate = None,
 ) -> None:
     """Learn how noisy your streams are from attack-free driving, and write it as settings.
@@ -78,15 +86,21 @@ def calibrate(
             position=position,
             imu=imu,
             detections=detections,
+            detection_names=detector_labels,
             rate_hz=rate,
         )
         for source in sources
+    ]
+    recordings = [
+        with_own_detector(recording, detector, detector_labels, detector_threads, remember=True)
+        for recording in recordings
     ]
     frames = sum(frame_count(recording) for recording in recordings)
     with progress("calibrating", frames * _MOST_PASSES) as advance:
         found = learn_from(recordings, settings, on_frame=advance)
     for recording in recordings:
         tell_damage(recording)
+        tell_detections(recording)
     words = found.words()
     header = "\n".join(
         ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]

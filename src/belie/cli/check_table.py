@@ -38,6 +38,8 @@ def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_s
         table.add_row(
             "claims", "none: no stream made one, so there was nothing to check but the camera itself"
         )
+    for told in run.told:
+        table.add_row("objects", Text(told.in_words()))
     table.add_row("latency", _latency(run))
     console.print(table)
     if run.alerts:

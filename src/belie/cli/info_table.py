@@ -30,7 +30,9 @@ _MISHAPS = {
     "dropped_late": "stamped after the last frame (not used)",
     "lost": "counted by the index, but not in the data: the file is damaged",
     "undecodable": "images or messages that cannot be decoded (skipped)",
-    "invalid": "GNSS messages without a fix, or boxes out of the image (skipped)",
+    "invalid": "GNSS messages without a fix (skipped)",
+    "outside": "boxes that have no area inside the image (skipped)",
+    "repeated": "boxes that stand in the file more than once (skipped)",
 }
 
 

@@ -19,6 +19,11 @@ def answer(stream: ObjectStream, frame_ns: int, size: tuple[int, int]) -> list[J
     if stream.last_ns is None or frame_ns - stream.last_ns > silent_ns:
         since = "yet" if stream.last_ns is None else f"for {(frame_ns - stream.last_ns) * 1e-9:.1f} s"
         return withhold(stream, f"no message {since}")
+    if stream.unboxed and not stream.tracks:
+        return withhold(
+            stream,
+            f"{stream.unboxed} detections tell neither an image box nor a size: nobody knows where to look",
+        )
     return [*_hiding(stream, size), *_naming(stream), *_injection(stream)]
 
 
@@ -49,8 +54,9 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
             if not fair and len(track.covers) and not track.hiding.errors:
                 fair = "covered by another detection, and never told of while it was"
             if fair:
-                # Where its pixels have told that it is not there to be seen, there is no doubt.
-                undecided = fair.startswith(("too few", "fading"))
+                # Where its pixels have told that it is not there to be seen, there is no doubt; but what was
+                # accused a moment ago is not acquitted by what passes before it.
+                undecided = fair.startswith(("too few", "fading")) or track.was_accused
                 (doubtful if undecided else explained).append(
                     f"{track.label} {track.name} is missing: {fair}"
                 )
@@ -59,11 +65,13 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
     worst, threshold = stream.worst("hiding", stream.tracks)
     status = Status.UNDECIDED if doubtful else Status.CONSISTENT
     usual = f"{len(stream.tracks)} objects, none missing longer than usual"
+    if stream.unfollowed:
+        usual += f"; {stream.unfollowed} smaller ones are not followed (objects.most_objects)"
     reason = [*doubtful, *explained, usual][0]
     return [Judgement(result=CheckResult(
         check="hiding", source=stream.source, status=status, threshold=threshold, unit="llr", floor=floor,
         statistic=worst.hiding.statistic if worst else 0.0, reason=reason,
-        object=worst.name if worst and worst.hiding.errors else None))]  # fmt: skip
+        object=worst.name if worst and worst.hiding.errors and not doubtful else None))]  # fmt: skip
 
 
 def _naming(stream: ObjectStream) -> list[Judgement]:

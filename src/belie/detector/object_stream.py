@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,9 +20,12 @@ from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
+_SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
+_NO_ID = "-1"  # of trackers that have none to give
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
+_NEARER = 1.5  # times the side of the smallest object: what takes its place where there are too many
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
@@ -47,8 +51,10 @@ class ObjectStream:
     last_ns: int | None = None
     interval_s: float = 0.0
     sides_px: float = 0.0  # of all objects together
-    unboxed: int = 0
+    unboxed: int = 0  # detections of the last message that tell neither an image box nor a size
+    unfollowed: int = 0  # the same, that are smaller than all that are followed
     heard: bool = False  # a message was judged at the last frame
+    unseen_ns: int = -1  # messages up to this stamp are about images that were not fit to judge by
     missed: Habit = field(init=False)
     misnamed: Habit = field(init=False)
     _made: int = 0
@@ -72,17 +78,27 @@ class ObjectStream:
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
             return True
-        known_ns = max(track.last_seen_ns, track.last_found_ns if track.hiding.accused else 0)
+        suspected = track.hiding.accused or track.was_accused
+        known_ns = max(track.last_seen_ns, track.last_found_ns if suspected else 0)
         silent_ns, usual_ns = stamp_ns - known_ns, int(3e9 * self.interval_s)
         if silent_ns <= max(_FORGET_NS, usual_ns):
             return False
-        return bool(track.absence(size, self.settings)) or silent_ns > max(5 * _FORGET_NS, usual_ns)
+        if track.absence(size, self.settings):
+            return True
+        # A slow detector needs as long to be accused of it.
+        messages = 1 + self.missed.shortest_run(max(self.interval_s, 1e-3), self.threshold("hiding", track))
+        return silent_ns > max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
 
-    def unheard(self) -> None:
-        """No message was judged at this frame."""
+    def pass_over(self, until_ns: int) -> None:
+        """The image is not fit to judge by: what is told of it, now or later, tells nothing."""
         self.heard = False
+        self.unseen_ns = until_ns
         for track in self.tracks:
             track.told_px = None
+        told = [claim.stamp_ns for claim in self.waiting if claim.stamp_ns <= until_ns]
+        self.waiting = [claim for claim in self.waiting if claim.stamp_ns > until_ns]
+        if told:
+            self.last_ns = max(*told, self.last_ns or 0)
 
     # -- messages ------------------------------------------------------------------------------------
 
@@ -92,18 +108,22 @@ class ObjectStream:
         self.waiting.sort(key=lambda claim: claim.stamp_ns)
         while self.waiting and self.waiting[0].stamp_ns <= frame_ns + half_ns:
             claim = self.waiting.pop(0)
-            if self.last_ns is not None and claim.stamp_ns <= self.last_ns:
-                continue  # told again, or out of order
+            if claim.stamp_ns <= max(self.unseen_ns, -1 if self.last_ns is None else self.last_ns):
+                continue  # told again, out of order, or of an image that nobody could judge by
             self._judge(claim, current)
             self.heard = True
 
     def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
         if self.last_ns is not None:
-            step_s = (claim.stamp_ns - self.last_ns) * 1e-9
-            self.interval_s = min(step_s, 1.0) if not self.interval_s else self.interval_s
-            self.interval_s += 0.1 * (min(step_s, 1.0) - self.interval_s)
+            step_s = min((claim.stamp_ns - self.last_ns) * 1e-9, _SLOWEST_S)
+            # One long pause is no slower rate.
+            known_s = self.interval_s or step_s
+            self.interval_s = known_s + 0.1 * (min(step_s, 3.0 * known_s) - known_s)
         self.last_ns = claim.stamp_ns
-        told = [(d, box) for d in claim.detections if (box := self._box(d)) is not None]
+        if claim.detections:
+            self.unboxed = sum(_has_no_box(d) for d in claim.detections)
+        self.unfollowed = 0
+        told = [(d, box) for d in _named(claim.detections) if (box := self._box(d)) is not None]
         boxes = np.array([box for _, box in told]).reshape(-1, 4)
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         found = assign(
@@ -127,14 +147,37 @@ class ObjectStream:
         for i, j in found.items():
             track, detection = self.tracks[i], told[j][0]
             owner = owners.get(detection.track_id)
-            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             track.cover_then = float(covering.by_any[j])
             track.hidden_then = float(covering.share[j])
+            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
+        self._name([self.tracks[i] for i in found], {self.tracks[i].name for i in lost})
+        self._drop_doubles({id(self.tracks[i]) for i in found})
         for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
         self._share_out()
+
+    def _name(self, told: Sequence[ObjectTrack], missing: set[str]) -> None:
+        """Call objects by their detector's ids; what is accused or missing keeps the name that it had."""
+        for track in told:
+            is_accused = track.naming.accused or track.hiding.accused or track.phantom.accused
+            if track.track_id and not is_accused and track.track_id not in missing:
+                track.name = track.track_id
+
+    def _drop_doubles(self, told: set[int]) -> None:
+        """Let go of a place where an id was told of for a while, once it is back at the object that bore it before.
+
+        Such a place was an error or a lie, and what is seen there is something else: nobody hides it.
+        """
+        first: dict[str, ObjectTrack] = {}
+        for track in self.tracks:  # in the order in which they were met
+            if track.track_id:
+                first.setdefault(track.track_id, track)
+        self.tracks = [
+            t for t in self.tracks
+            if id(t) in told or not t.track_id or first[t.track_id] is t or id(first[t.track_id]) not in told
+        ]  # fmt: skip
 
     def _share_out(self) -> None:
         """Give every object its share of the false alarms."""
@@ -164,7 +207,6 @@ class ObjectStream:
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
         if box is None:
-            self.unboxed += 1
             return None
         left, top, right, bottom = box.tolist()
         left, right = (min(max(x, 0.0), float(self.camera.width)) for x in (left, right))
@@ -205,7 +247,10 @@ class ObjectStream:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         # A box with nothing in it was no object: nobody hides it.
-        if track.phantom.accused or track.absence(current.size, self.settings, by_boxes=False):
+        if track.phantom.accused:
+            track.hiding.excuse()
+        elif track.absence(current.size, self.settings, by_boxes=False):
+            track.was_accused = track.was_accused or track.hiding.accused
             track.hiding.excuse()
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
@@ -230,6 +275,7 @@ class ObjectStream:
         vote = weight * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
+        track.was_accused = False
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
@@ -246,7 +292,7 @@ class ObjectStream:
                 threshold = self.threshold("misclassification", track)
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
-            track.track_id = track.name = detection.track_id
+            track.track_id = detection.track_id
         # Never learn from what is suspected, where the old name is as well founded as an accusation must be.
         if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
             track.votes[group] = track.votes.get(group, 0.0) + vote
@@ -262,11 +308,17 @@ class ObjectStream:
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""
         messages = int(track.votes[track.group] / _FULL_VOTE)
-        told = sum(self.misnamed.wrong(track.naming.own, k > 0, self.interval_s) for k in range(messages))
+        first, each = (
+            self.misnamed.wrong(track.naming.own, after, self.interval_s) for after in (False, True)
+        )
+        told = first + (messages - 1) * each if messages else 0.0
         return told >= self.threshold("misclassification", track)
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
+        if track.looked_frame == self.scene.frame:
+            return  # a faster detector tells of the same image again: no new evidence
+        track.looked_frame = self.scene.frame
         track.phantom.why = ""
         if group not in _STANDING:
             track.phantom.why = f"a {track.label} need not stand on the ground"
@@ -285,11 +337,12 @@ class ObjectStream:
     def _meet(
         self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
     ) -> None:
-        if len(self.tracks) >= self.settings.most_objects:
+        if len(self.tracks) >= self.settings.most_objects and not self._make_room(longer_side(box)):
+            self.unfollowed += 1
             return
         self._made += 1
         track = ObjectTrack(
-            name=detection.track_id or f"#{self._made}",
+            name=f"#{self._made}" if self._is_taken(detection.track_id) else detection.track_id,
             track_id=detection.track_id,
             label=detection.label,
             box_px=box,
@@ -303,6 +356,41 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame, covers)
         self.tracks.append(track)
+
+    def _is_taken(self, name: str) -> bool:
+        return not name or any(track.name == name for track in self.tracks)
+
+    def _make_room(self, side_px: float) -> bool:
+        """Let go of the smallest object that nothing is suspected of, if it is much smaller than a new one."""
+        idle = [t for t in self.tracks if not (t.hiding.errors or t.naming.errors or t.phantom.accused)]
+        smallest = min(idle, key=self._side, default=None)
+        if smallest is None or _NEARER * self._side(smallest) > side_px:
+            return False
+        self.tracks.remove(smallest)
+        return True
+
+
+def _named(detections: Sequence[Detection]) -> list[Detection]:
+    """Detections whose ids name something: an id that several bear, or that stands for none, is none.
+
+    >>> cars = [Detection(label="car", score=0.9, track_id=i, box_px=np.array([0.0, 0, 9, 9])) for i in "0017"]
+    >>> [d.track_id for d in _named(cars)]
+    ['', '', '1', '7']
+    """
+    times = Counter(d.track_id for d in detections)
+    return [
+        replace(d, track_id="") if times[d.track_id] > 1 or d.track_id == _NO_ID else d for d in detections
+    ]
+
+
+def _has_no_box(detection: Detection) -> bool:
+    """Whether it may be in view, and nobody can say where in the image."""
+    where = detection.position_m
+    return (
+        detection.box_px is None
+        and detection.dimensions_m is None
+        and (where is None or bool(where[2] > 0.0))
+    )
 
 
 def _weight(score: float) -> float:

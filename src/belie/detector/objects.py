@@ -39,7 +39,7 @@ class ObjectStage:
         self.streams: dict[str, ObjectStream] = {}
         self._scene = SceneWitness(camera)
         self._previous: ImageStack | None = None
-        self._previous_ns = 0
+        self._last_ns: int | None = None  # stamp of the last frame, judged by or not
 
     @property
     def views(self) -> tuple[ObjectView, ...]:
@@ -79,22 +79,23 @@ class ObjectStage:
         they are known. `doubted`: why the image is not fit to judge by; objects stay where they were. `half`: the image
         at half its size, if it is there already.
         """
+        half_ns = 0 if self._last_ns is None else (frame.stamp_ns - self._last_ns) // 2
+        self._last_ns = frame.stamp_ns
         if not self.streams:
             return []
         if doubted:
             for stream in self.streams.values():
-                stream.unheard()
+                stream.pass_over(frame.stamp_ns + half_ns)
             return [j for stream in self.streams.values() for j in withhold(stream, f"not judged: {doubted}")]
         current = ImageStack(_as_gray(frame.image), half)
         self._scene.move(estimate, scene)
-        half_ns = (frame.stamp_ns - self._previous_ns) // 2 if self._previous is not None else 0
         judgements: list[Judgement] = []
         for stream in self.streams.values():
             if self._previous is not None:
                 stream.follow(self._previous, current, frame.stamp_ns)
             stream.hear(frame.stamp_ns, half_ns, current)
             judgements += answer(stream, frame.stamp_ns, current.size)
-        self._previous, self._previous_ns = current, frame.stamp_ns
+        self._previous = current
         return judgements
 
 

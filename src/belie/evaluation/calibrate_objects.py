@@ -28,7 +28,7 @@ class LearntHabits:
     notes : mapping of str to str
         On each setting that changed, by dotted name.
     words : tuple of str
-        What was seen, line by line, with intervals (Wilson, 95 %).
+        What was seen, line by line, with intervals (Wilson, 95 %); and what was not learned, and why.
     """
 
     config: Config
@@ -68,17 +68,27 @@ def learn_habits(
     measuring = changed(config, nobody) if from_accused else config
     found: dict[str, float] = {}
     words, messages = [], 0.0
+    # Messages about objects that one part holds, by detector: also by those that are silent while it teaches.
+    streams = (stream for part in parts for stream in getattr(part, "streams", ()))
+    most = {stream.topic: 0.0 for stream in streams if stream.used and stream.role == "detections"}
     for part in parts:
         detector = Detector(part.cameras, measuring)
         for step in part.steps():
             detector.update(step.frame, step.claims)
             advance()
         for source, habits in detector.object_habits().items():
+            most[source] = max(habits["messages"], most.get(source, 0.0))
             if habits["messages"] >= _LEAST_MESSAGES:
                 messages += habits["messages"]
                 words.append(f"{source}: {_in_words(habits)}")
                 for name in ("miss_rate", "confusion_rate", "persistence_s"):
                     found[name] = max(habits[name], found.get(name, 0.0))
+    words += [
+        f"{source}: its misses and misnamings were not learned: {count:.0f} messages about objects that it should see, "
+        f"{_LEAST_MESSAGES} of one recording are needed; the settings stay as they were"
+        for source, count in most.items()
+        if count < _LEAST_MESSAGES
+    ]
     changes: dict[SettingPath, object] = {("objects", name): float(f"{v:.3g}") for name, v in found.items()}
     notes = {f"objects.{name}": f"calibrated: {messages:.0f} messages about objects" for name in found}
     return LearntHabits(config=changed(config, changes), notes=notes, words=tuple(words))

@@ -19,6 +19,7 @@ from belie.evaluation.expected_corners import View
 from belie.evaluation.film import Film, FilmRecorder
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
+from belie.evaluation.told_objects import ToldObjects, ToldObjectsRecorder
 from belie.evaluation.trace import STATUSES, Trace, TraceRecorder
 from belie.evaluation.traced_alert import AlertRecorder, TracedAlert
 from belie.geometry import SE3
@@ -126,6 +127,8 @@ class Run:
         Of the objects that alerts name.
     join_counts : mapping
         For each kind of mishap in joining the streams, how often it befell each stream.
+    told : tuple of ToldObjects
+        What each object detector told.
     """
 
     source: str
@@ -139,6 +142,7 @@ class Run:
     snapshots: tuple[Snapshot, ...]
     films: tuple[Film, ...]
     join_counts: Mapping[str, Mapping[str, int]]
+    told: tuple[ToldObjects, ...] = ()
 
     @property
     def profile(self) -> str:
@@ -224,8 +228,9 @@ def run_detector(
     """
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
-    alerts, films = AlertRecorder(), FilmRecorder()
     claims_predict = getattr(config, "profile", "default") == "paper"
+    alerts, films = AlertRecorder(), FilmRecorder()
+    told = ToldObjectsRecorder(None if claims_predict else getattr(config, "objects", None))
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
         for step in steps:
@@ -235,6 +240,8 @@ def run_detector(
             objects = detector.objects
             alerts.add(verdict, {(view.source, view.name): view.label for view in objects})
             films.add(step.frame, objects, verdict)
+            told.hear(step.claims)
+            told.see(objects, (step.frame.image.shape[1], step.frame.image.shape[0]))
             view = View(
                 number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
             )
@@ -256,6 +263,7 @@ def run_detector(
         snapshots=snapshots.finish(),
         films=films.finish(),
         join_counts=_counts(recording.join_counts),
+        told=told.finish(),
     )
 
 

@@ -30,15 +30,19 @@ class AddedStream:
         When there will be a claim.
     start : callable
         Begins a pass over the recording.
-    left_out : int
-        Detections that no image holds.
+    outside, repeated : int
+        Detections that were left out: no image holds them, or they had been told already.
+    warnings : tuple of str
+        What a user should know of the stream, a line each.
     """
 
     topic: str
     kind: str
     stamps_ns: npt.NDArray[np.int64]
     start: Callable[[], ClaimsOfFrame]
-    left_out: int = 0
+    outside: int = 0
+    repeated: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 class ExtendedRecording:
@@ -77,6 +81,11 @@ class ExtendedRecording:
         info = StreamInfo.from_times(added.topic, "detections", added.kind, added.stamps_ns, used=True)
         return (*self._recording.streams, info)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know of the added stream, and of those added before it."""
+        return (*getattr(self._recording, "warnings", ()), *self._added.warnings)
+
     def frame_stamps_ns(self) -> npt.NDArray[np.int64]:
         """Header stamps of all frames, shape (N,), ascending."""
         return self._recording.frame_stamps_ns()
@@ -85,8 +94,10 @@ class ExtendedRecording:
         """The frames with their claims; see `Recording.steps`."""
         steps = self._recording.steps()
         self.join_counts = self._recording.join_counts
-        if self._added.left_out:
-            self.join_counts.invalid[self._added.topic] += self._added.left_out
+        if self._added.outside:
+            self.join_counts.outside[self._added.topic] += self._added.outside
+        if self._added.repeated:
+            self.join_counts.repeated[self._added.topic] += self._added.repeated
         return self._with_added(steps)
 
     def _with_added(self, steps: Iterator[Step]) -> Iterator[Step]:

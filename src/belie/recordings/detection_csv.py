@@ -9,7 +9,8 @@ but its frame (or time) says that nothing was seen there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,16 +24,17 @@ _WHEN = ("frame", "stamp_ns", "stamp_s")
 _BOX = ("left", "top", "right", "bottom")
 _PLACE = ("x", "y", "z")
 _SIZE = ("length", "width", "height")
+_EDGES_AS_SIZE = ("left", "top", "width", "height")
 _COLUMNS = (*_WHEN, "track_id", "label", "score", *_BOX, *_PLACE, *_SIZE)
 
 
 def is_detection_csv(fields: Sequence[str]) -> bool:
-    """Whether the fields of the first line are a header: words, a label and a time among them.
+    """Whether the fields of the first line are a header: a column that we know is among them.
 
     >>> is_detection_csv(["frame", "label", "left", "top", "right", "bottom"])
     True
     """
-    return "label" in fields and any(name in fields for name in _WHEN)
+    return any(name in _COLUMNS for name in fields)
 
 
 def read_detection_csv(path: Path) -> DetectionTable:
@@ -52,7 +54,7 @@ def read_detection_csv(path: Path) -> DetectionTable:
     >>> [(row.stamp_ns, row.detection is None) for row in rows]
     [(100000000, False), (200000000, True)]
     """
-    lines = rows_of(path, separator=",")
+    lines = _lines(path)
     number, header = next(lines)
     _check_header(path, number, header)
     rows = tuple(_row(path, line, header, fields) for line, fields in lines)
@@ -62,6 +64,16 @@ def read_detection_csv(path: Path) -> DetectionTable:
             "but their frame or time"
         )
     return DetectionTable(path=path, kind="CSV", rows=rows)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of each line; a cell in quotes may hold commas."""
+    for number, (line,) in rows_of(path, separator="\n"):
+        try:
+            (cells,) = csv.reader([line], skipinitialspace=True, strict=True)
+        except csv.Error as error:
+            raise RecordingError(f"{path}, line {number}: {error}; check its quotes") from error
+        yield number, [cell.strip() for cell in cells]
 
 
 def _check_header(path: Path, line: int, header: list[str]) -> None:
@@ -75,6 +87,13 @@ def _check_header(path: Path, line: int, header: list[str]) -> None:
     if len(when) != 1:
         raise RecordingError(
             f"{path}, line {line}: expected one column of {', '.join(_WHEN)}, found {len(when)}"
+        )
+    if "label" not in header:
+        raise RecordingError(f"{path}, line {line}: the column label is missing")
+    if not {*_EDGES_AS_SIZE} - {*header} and "right" not in header:
+        raise RecordingError(
+            f"{path}, line {line}: found {', '.join(_EDGES_AS_SIZE)}; give edges: right is left + width, bottom is "
+            "top + height"
         )
     for group in (_BOX, _PLACE, _SIZE):
         missing = [name for name in group if name not in header]

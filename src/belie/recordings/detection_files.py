@@ -7,10 +7,16 @@ from pathlib import Path
 
 from belie.recordings.detection_csv import is_detection_csv, read_detection_csv
 from belie.recordings.detection_rows import DetectionTable
-from belie.recordings.kitti_labels import is_kitti_labels, read_kitti_labels
+from belie.recordings.kitti_labels import is_kitti_labels, is_kitti_object_labels, read_kitti_labels
 from belie.recordings.mot import is_mot, read_mot
 from belie.recordings.trajectory import rows_of
 from belie.types import RecordingError
+
+_READ = (
+    "belie reads KITTI tracking labels, MOT text, and CSV with a header "
+    "(frame,track_id,label,score,left,top,right,bottom)"
+)
+_LEAST_COLUMNS = 5  # time, label and box, fewer than which no table of boxes can have
 
 
 def read_detections(path: Path, *, names: Path | None = None) -> DetectionTable:
@@ -35,18 +41,36 @@ def read_detections(path: Path, *, names: Path | None = None) -> DetectionTable:
     'MOT text'
     """
     for _, line in islice(rows_of(path, separator="\n"), 1):
-        separated = [field.strip() for field in line[0].split(",")]
+        if line[0].startswith(("{", "[")):
+            what = "COCO's JSON" if '"image_id"' in line[0] or '"annotations"' in line[0] else "JSON"
+            raise RecordingError(
+                f"{path} is {what}; docs/detection-files.md shows how three lines of Python make a CSV file of it; "
+                f"{_READ}"
+            )
+        separated = [field.strip(' "') for field in line[0].split(",")]
         if is_detection_csv(separated):
             return read_detection_csv(path)
         if is_mot(separated):
             return read_mot(path, None if names is None else dict(enumerate(read_names(names), start=1)))
         if is_kitti_labels(line[0].split()):
             return read_kitti_labels(path)
-        raise RecordingError(
-            f"{path} holds no detections that belie knows: it starts with {line[0][:60]!r}; it reads KITTI tracking "
-            "labels, MOT text, and CSV with a header (frame,track_id,label,score,left,top,right,bottom)"
+        raise RecordingError(f"{path} {_what_it_is(line[0])}; {_READ}")
+    raise RecordingError(f"{path} is empty; {_READ}")
+
+
+def _what_it_is(line: str) -> str:
+    """What a file seems to be that is no format of ours, by its first line."""
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if is_detection_csv([field.strip(' "') for field in line.split(separator)]):
+            return f"separates its columns by {name}; write it with commas (and points in numbers)"
+    if is_kitti_object_labels(line.split()):
+        return (
+            "holds KITTI's object labels (15 fields, no frame and no track id); put both before each line, as "
+            "tracking labels have them (17 fields)"
         )
-    raise RecordingError(f"{path} is empty; expected KITTI tracking labels, MOT text, or CSV with a header")
+    if line.count(",") >= _LEAST_COLUMNS:
+        return f"has no header: it starts with {line[:60]!r}; name its columns in the first line"
+    return f"holds no detections that belie knows: it starts with {line[:60]!r}"
 
 
 def read_names(path: Path) -> tuple[str, ...]:

@@ -60,10 +60,24 @@ class DetectionTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramedDetections:
-    """The claims of a file on the frames of a recording, and the boxes that no image holds."""
+    """The claims of a file on the frames of a recording, and what was left out of them.
+
+    Parameters
+    ----------
+    claims : tuple of DetectionClaim
+        In the order of their stamps.
+    outside : int
+        Boxes that have no area inside the image.
+    repeated : int
+        Rows that say again what another row of the frame says.
+    warnings : tuple of str
+        What was left out and what to do about it, a line each.
+    """
 
     claims: tuple[DetectionClaim, ...]
-    outside: int
+    outside: int = 0
+    repeated: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 def on_frames(
@@ -76,7 +90,8 @@ def on_frames(
     that frame's; where consecutive frames are the rule, those without a row are empty claims too, for a slower
     detector is not asked between its messages.
 
-    Boxes are clipped to the image; what lies wholly outside, or is empty, is left out and counted.
+    Boxes are clipped to the image; what lies wholly outside, or is empty, is left out and counted. So is a row that
+    says again what another row of its frame says.
 
     Parameters
     ----------
@@ -102,14 +117,23 @@ def on_frames(
     [(10, 1), (20, 0), (30, 1)]
     """
     found: dict[int, list[Detection]] = {}
-    outside = 0
+    known: set[tuple[object, ...]] = set()
+    outside: list[DetectionRow] = []
+    repeated: list[DetectionRow] = []
     for row in table.rows:
-        seen = found.setdefault(_time_ns(table, row, stamps_ns), [])
+        stamp_ns = _time_ns(table, row, stamps_ns)
+        seen = found.setdefault(stamp_ns, [])
         if row.detection is None:
             continue
+        said = (stamp_ns, *_content(row.detection))
+        if said in known:
+            repeated.append(row)
+            continue
+        known.add(said)
         detection = _inside(row.detection, model)
-        outside += detection is None
-        if detection is not None:
+        if detection is None:
+            outside.append(row)
+        else:
             seen.append(detection if T_cam_file is None else _moved(detection, T_cam_file))
     for stamp_ns in _looked_at(table, sorted(found), stamps_ns):
         found.setdefault(stamp_ns, [])
@@ -122,7 +146,33 @@ def on_frames(
         )
         for stamp_ns in sorted(found)
     )
-    return FramedDetections(claims=claims, outside=outside)
+    size = f"{model.width}x{model.height} px"
+    told = (
+        (
+            outside,
+            f"have no area inside the image of {size}",
+            "give left, top, right, bottom edges in pixels of these very images",
+        ),
+        (repeated, "stand in the file more than once", "write one row for each object of a frame"),
+    )
+    of = sum(row.detection is not None for row in table.rows)
+    return FramedDetections(
+        claims=claims,
+        outside=len(outside),
+        repeated=len(repeated),
+        warnings=tuple(
+            f"{table.path}: {len(rows)} of {of} boxes {what} (first in line {rows[0].line}) and are left out; {advice}"
+            for rows, what, advice in told
+            if rows
+        ),
+    )
+
+
+def _content(detection: Detection) -> tuple[object, ...]:
+    """All that a detection says, to compare it by."""
+    arrays = (detection.box_px, detection.position_m, detection.dimensions_m)
+    numbers = (None if array is None else tuple(array.tolist()) for array in arrays)
+    return (detection.label, detection.track_id, detection.score, *numbers)
 
 
 def _time_ns(table: DetectionTable, row: DetectionRow, stamps_ns: npt.NDArray[np.int64]) -> int:

@@ -29,7 +29,11 @@ class JoinCounts:
     undecodable : Counter
         Images and messages that could not be decoded (skipped).
     invalid : Counter
-        GNSS messages without a fix, boxes of a detections file out of the image (skipped).
+        GNSS messages without a fix (skipped).
+    outside : Counter
+        Boxes of a detections file that have no area inside the image (skipped).
+    repeated : Counter
+        Rows of a detections file that say again what another one says (skipped).
 
     Examples
     --------
@@ -48,3 +52,5 @@ class JoinCounts:
     lost: Counter[str] = field(default_factory=Counter)
     undecodable: Counter[str] = field(default_factory=Counter)
     invalid: Counter[str] = field(default_factory=Counter)
+    outside: Counter[str] = field(default_factory=Counter)
+    repeated: Counter[str] = field(default_factory=Counter)

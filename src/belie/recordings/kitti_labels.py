@@ -21,17 +21,38 @@ from belie.types import Detection, RecordingError
 
 KITTI_LABELS = "KITTI tracking labels"
 _FIELDS = (17, 18)
+_OBJECT_FIELDS = (15, 16)
+_NAME = 2  # place of the type among the fields
 _IGNORED = "DontCare"
 _EXPECTED = "KITTI's 17 or 18 fields: frame, track id, type and numbers"
 
 
 def is_kitti_labels(fields: Sequence[str]) -> bool:
-    """Whether the fields of a line look like KITTI's: a name comes third.
+    """Whether the fields of a line look like KITTI's: a name comes third, after frame and track id.
 
     >>> is_kitti_labels("0 1 Car 0 0 -1.6 296.7 161.7 455.2 292.4 2.0 1.8 4.4 -4.5 1.8 13.4 -2.1".split())
     True
     """
-    return len(fields) in _FIELDS and fields[0].isdigit() and fields[2][:1].isalpha()
+    return (
+        len(fields) > _NAME and fields[0].isdigit() and _is_number(fields[1]) and fields[_NAME][:1].isalpha()
+    )
+
+
+def is_kitti_object_labels(fields: Sequence[str]) -> bool:
+    """Whether the fields are those of KITTI's object labels, which tell neither frame nor track id.
+
+    >>> is_kitti_object_labels("Car 0 0 -1.6 296.7 161.7 455.2 292.4 2.0 1.8 4.4 -4.5 1.8 13.4 -2.1".split())
+    True
+    """
+    return len(fields) in _OBJECT_FIELDS and fields[0][:1].isalpha() and all(map(_is_number, fields[1:]))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def read_kitti_labels(path: Path) -> DetectionTable:
@@ -59,7 +80,7 @@ def _row(path: Path, line: int, fields: list[str]) -> DetectionRow:
     if len(fields) not in _FIELDS:
         raise RecordingError(f"{path}, line {line}: expected {_EXPECTED}, found {len(fields)} fields")
     frame, track = (whole(path, line, text, "frame and track id") for text in fields[:2])
-    if fields[2] == _IGNORED:
+    if fields[_NAME] == _IGNORED:
         return DetectionRow(line=line, frame=frame)
     numbers = numbers_of(path, line, fields[3:], _EXPECTED)
     height_m, width_m, length_m = numbers[7:10]
@@ -68,7 +89,7 @@ def _row(path: Path, line: int, fields: list[str]) -> DetectionRow:
         line=line,
         frame=frame,
         detection=Detection(
-            label=fields[2],
+            label=fields[_NAME],
             score=score_of(numbers[14]) if len(numbers) > 14 else 1.0,
             track_id=str(track) if track >= 0 else "",
             box_px=np.array(ordered_box_px(path, line, numbers[3:7])),

@@ -117,10 +117,13 @@ class OnnxDetector:
         return self._names[number] if number < len(self._names) else str(number)
 
 
-def with_detector(recording: Recording, detector: OnnxDetector) -> ExtendedRecording:
+def with_detector(
+    recording: Recording, detector: OnnxDetector, *, remember: bool = False
+) -> ExtendedRecording:
     """The recording with one claim a frame of what the detector sees in it.
 
-    The claims of the detector come without delay: they are received with their frame.
+    The claims of the detector come without delay: they are received with their frame. With `remember` they are kept, so
+    that the model looks at every image once, however often the recording is read.
 
     Examples
     --------
@@ -130,11 +133,19 @@ def with_detector(recording: Recording, detector: OnnxDetector) -> ExtendedRecor
     >>> [stream.topic for stream in with_detector(bare, SimpleNamespace(source="detector:tiny")).streams]
     ['detector:tiny']
     """
+    kept: dict[int, DetectionClaim] = {}
+
+    def look(frame: Frame) -> tuple[DetectionClaim]:
+        claim = kept.get(frame.stamp_ns) or detector.look(frame)
+        if remember:
+            kept[frame.stamp_ns] = claim
+        return (claim,)
+
     added = AddedStream(
         topic=detector.source,
         kind="ONNX model",
         stamps_ns=recording.frame_stamps_ns(),
-        start=lambda: lambda frame: (detector.look(frame),),
+        start=lambda: look,
     )
     return ExtendedRecording(recording, added)
 

@@ -137,7 +137,9 @@ def _with_detections(recording: Recording, table: DetectionTable) -> Recording:
         kind=f"{table.path.name} ({table.kind})",
         stamps_ns=np.array([claim.stamp_ns for claim in found.claims], dtype=np.int64),
         start=in_order(found.claims),
-        left_out=found.outside,
+        outside=found.outside,
+        repeated=found.repeated,
+        warnings=found.warnings,
     )
     return ExtendedRecording(recording, stream)
 

@@ -45,7 +45,7 @@ def even_stamps_ns(count: int, rate_hz: float) -> npt.NDArray[np.int64]:
 
 
 def rows_of(path: Path, *, separator: str | None = None) -> Iterator[tuple[int, list[str]]]:
-    """Line number and fields of each line that is neither empty nor a comment.
+    """Line number and fields of each line that is neither empty nor a comment; in UTF-8, with or without a mark.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def rows_of(path: Path, *, separator: str | None = None) -> Iterator[tuple[int, 
         If the file cannot be read as text.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} cannot be read as text: {error}") from error
     for number, line in enumerate(lines, start=1):

@@ -104,5 +104,21 @@ class Verdict:
             "status": self.status.value,
             "latency_ms": round(self.latency_ms, 3),
             "checks": [check.to_json() for check in self.checks],
-            "alerts": [alert.to_json() for alert in self.alerts],
+            "alerts": [{**alert.to_json(), "because": self.because(alert)} for alert in self.alerts],
         }
+
+    def because(self, alert: Alert) -> str:
+        """What the checks say that contradict an alert's stream, or its object, in this frame.
+
+        >>> lie = CheckResult(check="imu", source="/imu", status=Status.CONTRADICTED, reason="turns too fast")
+        >>> alert = Alert(type=AlertType.ODOMETRY_SPOOFING, source="/imu", onset_ns=0)
+        >>> Verdict(frame=0, stamp_ns=0, status=lie.status, latency_ms=1.0, checks=(lie,)).because(alert)
+        'turns too fast'
+        """
+        reasons = (
+            check.reason
+            for check in self.checks
+            if check.status is Status.CONTRADICTED
+            and (check.source, check.object) == (alert.source, alert.object)
+        )
+        return "; ".join(dict.fromkeys(reasons))

@@ -43,8 +43,8 @@ class WebhookSink(SinkBase):
         """Queue the alerts."""
         verdict = answer.verdict
         if verdict.alerts:
-            alerts = [alert.to_json() for alert in verdict.alerts]
-            self._outlet.give({"frame": verdict.frame, "stamp_ns": verdict.stamp_ns, "alerts": alerts})
+            told = verdict.to_json()
+            self._outlet.give({name: told[name] for name in ("frame", "stamp_ns", "alerts")})
 
     def _post(self, content: dict[str, Any]) -> None:
         headers = {"Content-Type": "application/json", "User-Agent": "belie"}

@@ -1,0 +1,196 @@
+"""What object detectors told in a run, and of how many of their objects anything could be said."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from belie.checks.objects import ObjectSettings
+from belie.checks.objects.class_groups import ClassGroups
+from belie.detector import ObjectView
+from belie.detector.covering import LEAST_CORNERS
+from belie.detector.object_track import in_view
+from belie.geometry.boxes import longer_side
+from belie.types import Claim, DetectionClaim
+
+_ESTABLISHED = 3  # messages of a sure detector that come to `ObjectSettings.established`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToldObjects:
+    """What one detector told.
+
+    Parameters
+    ----------
+    source : str
+        The detector.
+    messages, boxes : int
+        How many messages came, and objects in them.
+    labels : mapping of str to int
+        Boxes by the label under which their object (track id) first came; without an id, by their own.
+    objects : int
+        How many different ones were followed.
+    unjudged : mapping of str to int, or None
+        Of those, how many could never be judged, by the reason; None where that is not known.
+    asked : int
+        Frames with a message, for each object that could be judged once, since it had been told of often enough.
+    withheld : mapping of str to int
+        In how many of those it could not be judged, by the reason.
+    """
+
+    source: str
+    messages: int
+    boxes: int
+    labels: Mapping[str, int]
+    objects: int
+    unjudged: Mapping[str, int] | None = None
+    asked: int = 0
+    withheld: Mapping[str, int] = field(default_factory=dict)
+
+    def ungrouped(self, classes: ClassGroups) -> dict[str, int]:
+        """Boxes under labels that no group holds, the most frequent first.
+
+        >>> told = ToldObjects(source="/d", messages=1, boxes=3, labels={"Car": 2, "wombat": 1}, objects=3, unjudged={})
+        >>> told.ungrouped(ClassGroups())
+        {'wombat': 1}
+        """
+        found = Counter(
+            {label: n for label, n in self.labels.items() if classes.of(label) not in classes.groups}
+        )
+        return dict(found.most_common())
+
+    def in_words(self) -> str:
+        """Messages, boxes and objects, and how many of these could not be judged, with the main reason.
+
+        >>> ToldObjects(source="/d", messages=9, boxes=12, labels={}, objects=3, unjudged={"small": 1}).in_words()
+        '/d: 9 messages, 12 boxes, 3 objects; 2 could be judged, 1 never (mainly: small)'
+        """
+        said = f"{self.source}: {self.messages} messages, {self.boxes} boxes"
+        if self.unjudged is None:
+            return said
+        said += f", {self.objects} objects"
+        if not self.objects:
+            return said
+        said += f"; {self.objects - sum(self.unjudged.values())} could be judged"
+        if self.withheld:
+            share = sum(self.withheld.values()) / self.asked
+            said += f" but for {share:.0%} of their messages ({_main(self.withheld)})"
+        if self.unjudged:
+            said += f", {sum(self.unjudged.values())} never ({_main(self.unjudged)})"
+        return said
+
+
+def _main(reasons: Mapping[str, int]) -> str:
+    return f"mainly: {max(reasons, key=lambda reason: reasons[reason])}"
+
+
+@dataclass(slots=True)
+class _Object:
+    """How far one object came on the way to a judgement; None in `lacks` where it once came to its end."""
+
+    told: int = 0
+    passed: int = -1
+    lacks: str | None = ""
+    asked: int = 0
+    withheld: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass(slots=True)
+class _Stream:
+    messages: int = 0
+    boxes: int = 0
+    first_labels: dict[str, str] = field(default_factory=dict)
+    labels: Counter[str] = field(default_factory=Counter)
+    objects: dict[str, _Object] = field(default_factory=dict)
+
+
+class ToldObjectsRecorder:
+    """Collects `ToldObjects`, frame by frame; memory grows with the number of objects alone.
+
+    An object counts as judged where, in one frame, it had been told of often enough, was large enough, inside the
+    image, and had enough corners that move with it: what its absence is asked first
+    (`belie.detector.object_track.ObjectTrack.absence`), as far as an `ObjectView` tells it.
+
+    Parameters
+    ----------
+    settings : ObjectSettings, optional
+        What is enough; where it is left out, objects are only counted.
+
+    Examples
+    --------
+    >>> from belie.types import Detection
+    >>> recorder = ToldObjectsRecorder()
+    >>> car = Detection(label="car", score=0.9, track_id="7", box_px=[0, 0, 40, 30])
+    >>> recorder.hear([DetectionClaim(source="/d", stamp_ns=0, received_ns=0, detections=(car,))])
+    >>> recorder.finish()[0].in_words()
+    '/d: 1 messages, 1 boxes'
+    """
+
+    def __init__(self, settings: ObjectSettings | None = None) -> None:
+        self._settings = settings
+        self._streams: dict[str, _Stream] = {}
+
+    def hear(self, claims: Iterable[Claim]) -> None:
+        """Take in the claims that came with a frame."""
+        for claim in claims:
+            if not isinstance(claim, DetectionClaim):
+                continue
+            stream = self._streams.setdefault(claim.source, _Stream())
+            stream.messages += 1
+            stream.boxes += len(claim.detections)
+            for detection in claim.detections:
+                label = detection.label
+                if detection.track_id:
+                    label = stream.first_labels.setdefault(detection.track_id, label)
+                stream.labels[label] += 1
+
+    def see(self, views: Iterable[ObjectView], size: tuple[int, int]) -> None:
+        """Take in the objects after a frame of (width, height)."""
+        for view in views:
+            known = self._streams.setdefault(view.source, _Stream()).objects.setdefault(view.name, _Object())
+            known.told += view.status == "reported"
+            if self._settings is None:
+                continue
+            asked = _asked(self._settings, view, known.told, size)
+            passed = next((index for index, (holds, _) in enumerate(asked) if not holds), None)
+            if passed is None:
+                known.lacks = None
+            elif known.lacks is not None and passed > known.passed:
+                known.passed, known.lacks = passed, asked[passed][1]
+            if passed != 0 and view.status != "not told":
+                known.asked += 1
+                if passed is not None:
+                    known.withheld[asked[passed][1]] += 1
+
+    def finish(self) -> tuple[ToldObjects, ...]:
+        """What was told so far, a detector each."""
+        return tuple(self._told(source, stream) for source, stream in self._streams.items())
+
+    def _told(self, source: str, stream: _Stream) -> ToldObjects:
+        objects = stream.objects.values()
+        judged = [known for known in objects if known.lacks is None]
+        unjudged = Counter(known.lacks for known in objects if known.lacks is not None)
+        return ToldObjects(
+            source=source,
+            messages=stream.messages,
+            boxes=stream.boxes,
+            labels=dict(stream.labels),
+            objects=len(objects),
+            unjudged=None if self._settings is None else unjudged,
+            asked=sum(known.asked for known in judged),
+            withheld=sum((known.withheld for known in judged), Counter[str]()),
+        )
+
+
+def _asked(s: ObjectSettings, view: ObjectView, told: int, size: tuple[int, int]) -> list[tuple[bool, str]]:
+    """What must hold before an absence means anything, and what is said where it does not."""
+    return [
+        (told >= _ESTABLISHED, f"told of in fewer than {_ESTABLISHED} messages"),
+        (longer_side(view.box_px) >= s.least_side_px, f"smaller than {s.least_side_px:g} px"),
+        (
+            in_view(view.box_px, size) >= s.least_in_view,
+            f"less than {s.least_in_view:.0%} of it in the image",
+        ),
+        (len(view.observed_px) >= LEAST_CORNERS, f"fewer than {LEAST_CORNERS} corners that move with it"),
+    ]

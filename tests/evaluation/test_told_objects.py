@@ -1,0 +1,74 @@
+"""What detectors told: counts, labels, and which objects nothing could be said of."""
+
+import numpy as np
+import pytest
+
+from belie.checks.objects import ObjectSettings
+from belie.checks.objects.class_groups import ClassGroups
+from belie.detector import ObjectView
+from belie.evaluation.told_objects import ToldObjectsRecorder
+from belie.types import Detection, DetectionClaim
+
+SIZE = (640, 480)
+
+
+def view(name, box_px=(100, 100, 160, 140), corners=9, status="reported"):
+    corners_px = np.zeros((corners, 2))
+    return ObjectView(
+        source="/d", name=name, label="car", told_label="car", misnamed=False, box_px=np.array(box_px, float),
+        detected_px=None, told_ns=0, predicted_px=corners_px, observed_px=corners_px, error_px2=None, status=status,
+    )  # fmt: skip
+
+
+def told(*frames, settings=None):
+    recorder = ToldObjectsRecorder(settings or ObjectSettings())
+    for views in frames:
+        recorder.see(views, SIZE)
+    (found,) = recorder.finish()
+    return found
+
+
+def test_an_object_that_can_be_judged_once_is_judged():
+    found = told(*[[view("1")]] * 3, [view("1", corners=0)])
+    assert (found.objects, found.unjudged) == (1, {})
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"box_px": (100, 100, 120, 110)}, "smaller than 24 px"),
+        ({"box_px": (-60, 100, 60, 160)}, "less than 70% of it in the image"),
+        ({"corners": 3}, "fewer than 4 corners that move with it"),
+        ({"status": "not told"}, "told of in fewer than 3 messages"),
+    ],
+)
+def test_an_object_that_never_can_be_says_why(changes, why):
+    found = told(*[[view("1"), view("2", **changes)]] * 3)
+    assert (found.objects, found.unjudged) == (2, {why: 1})
+    assert found.in_words().endswith(f"2 objects; 1 could be judged, 1 never (mainly: {why})")
+
+
+def test_where_an_object_could_not_be_judged_is_told():
+    leaving = view("1", box_px=(-60, 100, 60, 160), status="missing")
+    found = told(*[[view("1"), view("2")]] * 4, [leaving, view("2")], [view("1", status="not told")])
+    # Each is asked of from its third message on; frames without a message do not count.
+    assert (found.asked, found.unjudged, found.withheld) == (6, {}, {"less than 70% of it in the image": 1})
+    assert found.in_words().endswith(
+        "2 could be judged but for 17% of their messages (mainly: less than 70% of it in the image)"
+    )
+
+
+def test_labels_are_those_under_which_objects_came():
+    recorder = ToldObjectsRecorder()
+    for stamp_ns, label in enumerate(("car", "bird", "bird")):  # an attack, not a class that was forgotten
+        boxes = [("7", label), ("8", "Wombat"), ("", "traffic light")]
+        detections = tuple(
+            Detection(label=name, score=1.0, track_id=track_id, box_px=[0, 0, 9, 9])
+            for track_id, name in boxes
+        )
+        at = {"stamp_ns": stamp_ns, "received_ns": stamp_ns}
+        recorder.hear([DetectionClaim(source="/d", detections=detections, **at)])
+    (found,) = recorder.finish()
+    assert (found.messages, found.boxes, found.labels["car"]) == (3, 9, 3)
+    assert found.ungrouped(ClassGroups()) == {"Wombat": 3}
+    assert found.unjudged is None
