@@ -185,6 +185,7 @@ def test_claims_are_taken_as_they_were_recorded_detections_too(run, tmp_path, dr
     found = json.loads(record.read_text(encoding="utf-8"))
     assert found["alert"] == "obstacle_hiding"
     assert found["frames"] == 90
+    assert found["object_px"] == [50, 50]
     assert found["why_missed"].startswith("hiding ")  # the box shows a moving wall
     motion_only = load_suite(tmp_path / "own.toml").model_copy(update={"objects": False})
     (case,) = recordings_of(motion_only)

@@ -79,16 +79,16 @@ def test_what_was_missed_is_told_with_what_the_check_said():
 
     dark, far = "odometry undecided: too dark", "odometry consistent"
     records = [
-        missed(far, 0.2),
+        replace(missed(far, 0.2), object_px=(19, 20)),
         missed(dark, None),
-        missed(far, 0.81),
+        replace(missed(far, 0.81), object_px=(34, 43)),
         ATTACKED,
         replace(missed("", None), rival="gate"),
     ]
     summary = summarise(parse_suite(SUITE), records, {})
     assert table(summary, "What was missed").rows == (
-        ("default", "lateral", "no fog", "2", far, "0.81"),
-        ("default", "lateral", "no fog", "1", dark, "–"),
+        ("default", "lateral", "no fog", "2", far, "0.81", "20–43"),
+        ("default", "lateral", "no fog", "1", dark, "–", "–"),
     )
     assert f"street sunny 1, odometry-offset:…: {dark}" in summary.missed
 

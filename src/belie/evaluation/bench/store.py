@@ -60,6 +60,8 @@ class RunRecord:
         Alerts within the attack, its second of grace included, that it does not explain.
     why_missed, nearest
         See `belie.evaluation.bench.misses.Miss`; of an attack that was not caught.
+    object_px : (int, int) or None
+        Width and height of the attacked object's box at the onset.
     wrong, false_alerts, before_onset : list of str
         Alerts that the attack does not explain; raised outside of it; those before it.
     honest_s : float
@@ -98,6 +100,7 @@ class RunRecord:
     during: int = 0
     why_missed: str = ""
     nearest: float | None = None
+    object_px: tuple[int, int] | None = None
     wrong: tuple[str, ...] = ()
     false_alerts: tuple[str, ...] = ()
     before_onset: tuple[str, ...] = ()

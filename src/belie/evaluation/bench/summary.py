@@ -285,21 +285,15 @@ def miss_table(
             for name, part in groups:
                 where, _, why = name.partition("|")
                 nearest = max((r.nearest for r in part if r.nearest is not None), default=None)
-                rows.append(
-                    (
-                        rival,
-                        family,
-                        where,
-                        str(len(part)),
-                        why,
-                        NOTHING if nearest is None else f"{nearest:.2f}",
-                    )
-                )
+                told = NOTHING if nearest is None else f"{nearest:.2f}"
+                sizes = [max(r.object_px) for r in part if r.object_px]
+                rows.append((rival, family, where, str(len(part)), why, told, _span(sizes)))
     return Table(
         title="What was missed, and why",
         note="What the check that should have found it said most of the time while the attack lasted, numbers left "
-        "out, and how near its statistic came to its threshold (1 accuses). Who shows no checks gives no reason.",
-        head=("detector", "attack", "where", "missed", "why", "statistic / threshold"),
+        "out, and how near its statistic came to its threshold (1 accuses); and how large the attacked objects "
+        "were. Who shows no checks gives no reason.",
+        head=("detector", "attack", "where", "missed", "why", "statistic / threshold", "object, px"),
         rows=tuple(rows),
     )
 
@@ -453,6 +447,15 @@ def duration(seconds: float) -> str:
 def _hourly(count: float, seconds: float) -> str:
     """Three digits: no more are known."""
     return f"{float(f'{_HOUR_S * count / seconds:.3g}'):g}" if seconds else NOTHING
+
+
+def _span(values: Sequence[int]) -> str:
+    """Smallest to largest.
+
+    >>> _span([40, 22]), _span([7]), _span([])
+    ('22–40', '7', '–')
+    """
+    return NOTHING if not values else "–".join(dict.fromkeys((f"{min(values)}", f"{max(values)}")))
 
 
 def _share(part: int, whole: int) -> str:

@@ -20,7 +20,7 @@ from belie.evaluation.bench.rivals import RivalMaker, rival_maker
 from belie.evaluation.bench.rivals.belie_rival import BelieRival
 from belie.evaluation.bench.rivals.remembered import OtherImagesError, Sight
 from belie.evaluation.bench.store import Store, record_of
-from belie.evaluation.bench.targets import targeted
+from belie.evaluation.bench.targets import size_px, targeted
 from belie.types import AttackError, BelieError, ConfigError, MissingExtraError
 
 _NOT_THEIRS = (str(files("belie")), *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")))
@@ -99,9 +99,17 @@ def _run(case: RunCase, key: str, maker: RivalMaker, seen: _Seen, store: Store) 
         store.save(record_of(case, key, None, (), why_not=f"{error}{_remedy(case)}"), None)
         return
     frames = MemoryRecording(name=case.name, cameras=seen.frames.cameras, joined=tuple(attacked.steps()))
-    case = replace(case, attack=replace(case.attack, spec=spec))
+    told = replace(case, attack=replace(case.attack, spec=spec))
     found = _measured(maker, seen, frames, camera=labels[0].stream == "camera", labels=labels)
-    store.save(record_of(case, key, found, labels, size=_size(seen)), found.table)
+    record = record_of(told, key, found, labels, size=_size(seen))
+    if labels[0].object is not None:
+        # Of a phantom only the lie tells.
+        near = (
+            *seen.frames.joined[max(0, case.attack.onset - 3) :][:6],
+            *frames.joined[case.attack.onset :][:6],
+        )
+        record = replace(record, object_px=size_px(near, labels[0].object))
+    store.save(record, found.table)
 
 
 def _remedy(case: RunCase) -> str:
