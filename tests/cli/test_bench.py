@@ -149,6 +149,7 @@ def test_what_is_wrong_with_a_detector_is_told(run, suite, tmp_path, name, said)
     result = run("bench", suite, "-o", tmp_path / "out", "-j", 1, *only)
     assert result.exit_code == 1
     assert said in result.stderr
+    assert "measure.py" not in result.stderr
 
 
 OWN = """

@@ -149,3 +149,13 @@ def test_the_documented_detectors_find_what_they_are_for(small_drive):
         rival = documented(name)(drive.cameras)
         assert measure(attacked.steps(), attacked.labels, rival).score.hits == 1
         assert measure(drive.steps(), [], documented(name)(drive.cameras)).score.false_alerts == ()
+
+
+class Homeless:
+    def update(self, step):
+        return []
+
+
+def test_a_rival_that_takes_no_cameras_is_told_to():
+    with pytest.raises(ConfigError, match=r"is made with the cameras: write def __init__\(self, cameras\)"):
+        rival_maker(f"{__name__}:Homeless")

@@ -10,7 +10,7 @@ from typing import Any
 
 from belie.attacks import AttackLabel
 from belie.evaluation.bench.misses import Miss, why_missed
-from belie.evaluation.bench.rivals import Rival, checks_of, status_of
+from belie.evaluation.bench.rivals import Rival, RivalError, checks_of, status_of
 from belie.evaluation.bench.sweep import Exceedances, exceedances
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.types import Alert, CheckResult, Status, Step, Verdict
@@ -165,10 +165,10 @@ def _verdicts(steps: Iterable[Step], rival: Rival) -> Iterator[tuple[Verdict, St
 def _alerts(rival: Rival, answer: object) -> tuple[Alert, ...]:
     """What a detector gave for a frame, if these are alerts: a user's own may give anything."""
     if not isinstance(answer, Iterable):
-        raise TypeError(f"{type(rival).__name__}.update() must return the alerts, got {answer!r}")
+        raise RivalError(f"{type(rival).__name__}.update() must return the alerts, got {answer!r}")
     alerts = tuple(answer)
     if strange := [one for one in alerts if not isinstance(one, Alert)]:
-        raise TypeError(f"{type(rival).__name__}.update() must return belie.types.Alert, got {strange[0]!r}")
+        raise RivalError(f"{type(rival).__name__}.update() must return belie.types.Alert, got {strange[0]!r}")
     return alerts
 
 

@@ -158,6 +158,8 @@ def goal_latency_table(suite: Suite, records: Sequence[RunRecord], makers: Mappi
     for rival in suite.rivals:
         own = [r for r in records if r.rival == rival and r.goal in GOALS and _is_judged(r, makers)]
         published = _published(rival)
+        if not own:
+            continue
         measured = (_p50_p95([r for r in own if r.goal == goal]) for goal in GOALS)
         theirs = published.latency_ms if published else {}
         told = (str(theirs.get(goal, NOTHING)) for goal in GOALS)

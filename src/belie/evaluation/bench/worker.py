@@ -16,7 +16,7 @@ from belie.evaluation.bench.loops import Loop, drive
 from belie.evaluation.bench.measure import Measured, measure
 from belie.evaluation.bench.memory import MemoryRecording
 from belie.evaluation.bench.recorded import load
-from belie.evaluation.bench.rivals import RivalMaker, rival_maker
+from belie.evaluation.bench.rivals import RivalError, RivalMaker, rival_maker
 from belie.evaluation.bench.rivals.belie_rival import BelieRival
 from belie.evaluation.bench.rivals.remembered import OtherImagesError, Sight
 from belie.evaluation.bench.store import Store, record_of
@@ -161,7 +161,7 @@ def _size(seen: _Seen) -> str:
 def _line(error: Exception) -> str:
     """Kind, message and place; of belie's own errors the message, which tells what to do."""
     text = " ".join(str(error).split())
-    if isinstance(error, BelieError):
+    if isinstance(error, BelieError | RivalError):
         return text
     frames = traceback.extract_tb(error.__traceback__)
     # A detector of the user's own is where to look, not what it called.
