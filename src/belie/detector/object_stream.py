@@ -271,8 +271,7 @@ class ObjectStream:
         group = s.classes.of(detection.label)
         is_anothers = bool(detection.track_id) and owner is not None and owner is not track
         swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
-        weight = _weight(detection.score)
-        vote = weight * _sight(box)
+        vote = _weight(detection.score) * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
         track.was_accused = False
@@ -297,7 +296,7 @@ class ObjectStream:
         if not track.naming.accused and not (misnamed and self._is_sure_of(track)):
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
-        track.weight += weight
+        track.weight += vote
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
@@ -349,9 +348,8 @@ class ObjectStream:
             hiding=ErrorTest(self.missed),
             naming=ErrorTest(self.misnamed),
         )
-        weight = _weight(detection.score)
-        track.weight = weight
-        track.votes[self.settings.classes.of(detection.label)] = weight * _sight(box)
+        track.weight = _weight(detection.score) * _sight(box)
+        track.votes[self.settings.classes.of(detection.label)] = track.weight
         track.told_px, track.told_label = box, detection.label
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame, covers)
@@ -398,7 +396,7 @@ def _weight(score: float) -> float:
 
 
 def _sight(box: FloatArray) -> float:
-    """What a label counts of an object so large."""
+    """What a detection counts of an object so large: far ones are mixed up with what stands before them."""
     return min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
 
 

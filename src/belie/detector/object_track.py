@@ -189,6 +189,10 @@ class ObjectTrack:
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
+        # Of what is cut at the border, at most as much again is believed to lie outside: else it grows for ever.
+        width, height = told[2] - told[0], told[3] - told[1]
+        left, top = max(left, -width), max(top, -height)
+        right, bottom = min(right, size[0] + width), min(bottom, size[1] + height)
         if right - left >= 2.0 and bottom - top >= 2.0:
             self._correct(np.array([left, top, right, bottom]) - self.box_px, stamp_ns)
             # Where the box goes on ahead of the pixels, those are not its own: expect it there next time.

@@ -25,7 +25,8 @@ class ObjectSettings(Settings):
     established: float = Field(
         6.0, gt=0.0,
         description="weight of an object's detections before its absence or another label means anything [count]: a "
-        "detection of score 0.9 weighs 2, one of 0.45 a half; what a detector imagines is short and unsure",
+        "detection of score 0.9 weighs 2, one of 0.45 a half, and half of that at 24 px instead of 48; what a detector "
+        "imagines is short and unsure, and what is far is mixed up with what stands before it",
     )  # fmt: skip
     miss_rate: float = Field(
         0.03, gt=0.0, lt=1.0,
