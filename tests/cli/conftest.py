@@ -61,7 +61,8 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def run() -> Callable[..., Result]:
     def invoke(*arguments: object) -> Result:
-        return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="belie")
+        # pytest-xdist tells its workers how wide the terminal is.
+        return CliRunner(env={"COLUMNS": None}).invoke(app, [str(argument) for argument in arguments], prog_name="belie")
 
     return invoke
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -89,19 +89,17 @@ def bench(
       belie bench quick --rival mydetector:Mine
 
     \b
-    Exit codes: 0 all ran, 1 some runs failed, 2 usage or data error.
+    Exit codes: 0 all ran, 1 some runs failed, 2 usage or data error, or no attack could be tried.
     """  # noqa: D301 (\b keeps the lines of the examples)
-    from belie.evaluation.bench.suite import load_suite, shipped_suites, suite_text
+    from belie.evaluation.bench.suite import commented_keys, load_suite, shipped_suites, suite_text
 
     if listed:
         for name in shipped_suites():
             print(f"{name:10} {load_suite(name).title}")
         return
     if show:
-        print(
-            suite_text(suite) if suite in shipped_suites() else Path(suite).read_text(encoding="utf-8"),
-            end="",
-        )
+        shipped = suite in shipped_suites()
+        print(f"{suite_text(suite)}\n{commented_keys()}" if shipped else _own_text(Path(suite)), end="")
         return
     from belie.cli.settings import config_from_flags
     from belie.evaluation.bench.cache import CacheSettings
@@ -112,6 +110,7 @@ def bench(
     from belie.evaluation.bench.runner import run_suite
     from belie.evaluation.bench.store import Store
     from belie.evaluation.bench.summary import summarise
+    from belie.types import ConfigError
 
     chosen = load_suite(suite)
     rivals = tuple(dict.fromkeys((*(only or chosen.rivals), *(rival or ()))))
@@ -131,10 +130,37 @@ def bench(
     resumed = f", {outcome.resumed} of them before" if outcome.resumed else ""
     finished = len(set(store.finished(outcome.keys)))  # closed loops are runs, too
     print(f"{finished} of {len(outcome.keys)} runs{resumed}; {page}")
-    for run, error in outcome.failures:
-        print(f"failed: {run}: {error}", file=sys.stderr)
+    for what in summary.not_applicable:
+        print(f"not tried: {what}", file=sys.stderr)
+    for line in _failed(outcome.failures):
+        print(f"failed: {line}", file=sys.stderr)
     if outcome.failures:
         raise typer.Exit(RUN_FAILED)
+    attacks = [r for r in records if r.spec]
+    if not finished or (attacks and all(r.not_applicable for r in attacks)):
+        raise ConfigError(_nothing_run(len(attacks), ", ".join(rivals)))
+
+
+def _own_text(path: Path) -> str:
+    from belie.evaluation.bench.suite import load_suite
+
+    load_suite(path)  # of what is no suite it tells why
+    return path.read_text(encoding="utf-8")
+
+
+def _failed(failures: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """One line an error: what is wrong with a recording or a detector fails many runs."""
+    runs: dict[str, list[str]] = {}
+    for run, error in failures:
+        runs.setdefault(error, []).append(run)
+    for error, (first, *more) in runs.items():
+        yield f"{first}{f' (and {len(more)} more)' if more else ''}: {error}"
+
+
+def _nothing_run(attacks: int, rivals: str) -> str:
+    if attacks:
+        return f"no attack was run: of {attacks} none could be tried on its recording (why: above)"
+    return f"nothing was run: {rivals} judge none of the suite's attacks, and it leaves out honest recordings"
 
 
 def _print(summary: Summary) -> None:

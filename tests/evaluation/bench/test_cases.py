@@ -1,11 +1,22 @@
 """The matrix of a suite, and the keys by which finished runs are known."""
 
+import os
+import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from belie.evaluation.bench.cases import AttackCase, DriveCase, RunCase, recordings_of, runs_of
-from belie.evaluation.bench.suite import load_suite, parse_suite, shipped_suites
+from belie.evaluation.bench.suite import (
+    commented_keys,
+    load_suite,
+    parse_suite,
+    shipped_suites,
+    suite_keys,
+    suite_text,
+)
 from belie.types import ConfigError
 
 SUITE = {
@@ -111,3 +122,57 @@ def test_a_missing_recording_says_how_to_find_it(monkeypatch):
     monkeypatch.delenv("BELIE_DATA", raising=False)
     with pytest.raises(ConfigError, match="set BELIE_DATA"):
         recordings_of(parse_suite({"title": "t", "real": [{"paths": ["no/such/folder"]}]}))
+
+
+def recorded(tmp_path, **changes):
+    (tmp_path / "drive.mcap").touch()
+    real = {"paths": [str(tmp_path / "drive.mcap")], "claims": "recorded", "seeds": [1, 2], **changes}
+    return recordings_of(parse_suite({"title": "t", "real": [real]}))
+
+
+def test_a_recording_with_its_own_claims_is_one_whatever_the_seeds(tmp_path):
+    (case,) = recorded(tmp_path, position="/gnss")
+    assert case.name == "drive.mcap recorded"
+    assert case.streams == (("position", "/gnss"),)
+
+
+def test_detections_are_found_beside_the_recording_and_known_by_their_file(tmp_path):
+    (tmp_path / "boxes.csv").touch()
+    (case,) = recorded(tmp_path, detections="boxes.csv")
+    assert case.streams == (("detections", str(tmp_path / "boxes.csv")),)
+    before = case.key
+    os.utime(tmp_path / "boxes.csv", (1, 1))
+    assert case.key != before != recorded(tmp_path)[0].key
+    with pytest.raises(ConfigError, match=r"bokses\.csv: no such file here or beside"):
+        recorded(tmp_path, detections="bokses.csv")
+
+
+def test_streams_are_named_of_recorded_claims_only(tmp_path):
+    with pytest.raises(ConfigError, match=r'real\.0: .*detections .* set claims = "recorded"'):
+        recorded(tmp_path, claims="noisy", detections="boxes.csv")
+
+
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("table", "keys"), list(suite_keys()))
+def test_every_key_is_documented_as_it_is(table, keys):
+    rows = [
+        f"| `{name}` | {default if default in ('needed', '–') else f'`{default}`'} | {meaning} |"
+        for name, default, meaning in keys
+    ]
+    head = f"| {f'`{table}`' if '[' in table else table} | if left out | |\n|---|---|---|\n"
+    assert head + "\n".join(rows) + "\n\n" in DOCUMENT
+
+
+def test_the_examples_of_the_document_are_suites():
+    examples = re.findall(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)
+    assert examples
+    for text in examples:
+        parse_suite(tomllib.loads(text))
+
+
+def test_keys_can_be_printed_below_a_suite():
+    text = f"{suite_text('quick')}\n{commented_keys()}"
+    assert parse_suite(tomllib.loads(text)) == load_suite("quick")
+    assert "#   within (–): frames within which" in text

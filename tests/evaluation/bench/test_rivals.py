@@ -1,5 +1,9 @@
 """The detectors of the benchmark: what was seen once is told the same, and gates are the gates they say they are."""
 
+import re
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,7 +17,7 @@ from belie.evaluation.bench.rivals.gate import InnovationGate, MahalanobisGate
 from belie.evaluation.bench.rivals.network import Network
 from belie.evaluation.bench.rivals.objectness import CELL_PX, largest_cluster
 from belie.evaluation.bench.rivals.remembered import OtherImagesError
-from belie.types import AlertType, ConfigError
+from belie.types import AlertType, ConfigError, Detection, DetectionClaim
 
 
 def told(found):
@@ -118,3 +122,40 @@ def test_rivals_say_what_they_judge():
 def test_a_rival_that_cannot_be_used_is_refused(name, said):
     with pytest.raises(ConfigError, match=said):
         rival_maker(name)
+
+
+def documented(name):
+    """A class of the examples in the document, as a user copies it."""
+    text = (Path(__file__).parents[3] / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    (code,) = [c for c in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if f"class {name}" in c]
+    space = {}
+    exec(code, space)
+    return space[name]
+
+
+def test_the_documented_detectors_find_what_they_are_for(small_drive):
+    box = Detection(label="car", score=0.9, track_id="7", box_px=np.array([60.0, 60, 120, 120]))
+    told = tuple(
+        replace(step, claims=(*step.claims, DetectionClaim(
+            source="/detections", stamp_ns=step.frame.stamp_ns, received_ns=step.frame.stamp_ns, detections=(box,))))
+        for step in small_drive.joined
+    )  # fmt: skip
+    drive = replace(small_drive, joined=told)
+    for name, spec in (
+        ("JumpDetector", "position-offset:axis=x,magnitude=30,source=/gnss,start=40"),
+        ("VanishDetector", "detections-hide:start=40,stop=50"),
+    ):
+        attacked = attack(drive, spec)
+        rival = documented(name)(drive.cameras)
+        assert measure(attacked.steps(), attacked.labels, rival).score.hits == 1
+        assert measure(drive.steps(), [], documented(name)(drive.cameras)).score.false_alerts == ()
+
+
+class Homeless:
+    def update(self, step):
+        return []
+
+
+def test_a_rival_that_takes_no_cameras_is_told_to():
+    with pytest.raises(ConfigError, match=r"is made with the cameras: write def __init__\(self, cameras\)"):
+        rival_maker(f"{__name__}:Homeless")

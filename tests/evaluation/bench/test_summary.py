@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from belie.evaluation.bench.curves import operating_curve
+from belie.evaluation.bench.curves import operating_curve, roc_figure
 from belie.evaluation.bench.rivals import rival_maker
 from belie.evaluation.bench.store import RunRecord
 from belie.evaluation.bench.suite import parse_suite
-from belie.evaluation.bench.summary import condition, furthest, rate, smallest, summarise
+from belie.evaluation.bench.summary import condition, false_alerts, furthest, rate, smallest, summarise
 from belie.evaluation.bench.sweep import FACTORS, exceedances
 from belie.evaluation.bench.words import markdown
 from belie.types import CheckResult, Status, Verdict
@@ -50,20 +50,61 @@ def test_false_alerts_are_counted_in_honest_runs_with_an_upper_bound():
     alerted = replace(HONEST, false_alerts=("frame 3: imu",))
     summary = summarise(parse_suite(SUITE), [HONEST, alerted], {})
     rows = table(summary, "False alerts").rows
-    assert rows[-1][:6] == ("default", "all", "2", "12.0", "1", "5.00")
-    assert float(rows[-1][6]) == pytest.approx(4.744 * 5, abs=0.01)  # Garwood, one event
+    # Garwood, one event: 4.744 in 12 minutes, of which no rate an hour is told.
+    assert rows == (("default", "street-straight sunny", "2", "12.0 min", "1", "–", "23.7", "5 %"),)
     assert summary.false_alerts == ("street sunny 1: frame 3: imu",)
+
+
+def test_a_rate_an_hour_is_told_where_an_hour_was_driven():
+    assert false_alerts([replace(HONEST, honest_s=6.0)] * 2) == "0 in 12 s (at most 899 an hour)"
+    driven = [replace(HONEST, honest_s=3600.0, false_alerts=("frame 3: imu",) * 3)] * 2
+    assert false_alerts(driven) == "6 in 2.0 h, 3 an hour (at most 5.92 an hour)"
+    other = replace(HONEST, place="highway")
+    rows = table(summarise(parse_suite(SUITE), [HONEST, other], {}), "False alerts").rows
+    assert [row[1] for row in rows] == ["street-straight sunny", "highway sunny", "all"]
+
+
+def test_who_accuses_all_the_time_is_not_praised_for_its_attribution():
+    noisy = replace(
+        ATTACKED, during=9, wrong=("frame 101: imu",) * 4, before_onset=("frame 1: imu",) * 2,
+        false_alerts=("frame 1: imu",) * 2 + ("frame 102: imu",) * 5 + ("frame 200: imu",),
+    )  # fmt: skip
+    (row,) = table(summarise(parse_suite(SUITE), [noisy], {}), "Delay").rows
+    assert row[-2:] == ("10 %", "2 / 9 / 1")
+
+
+def test_what_was_missed_is_told_with_what_the_check_said():
+    def missed(why, nearest):
+        return replace(ATTACKED, caught=False, why_missed=why, nearest=nearest)
+
+    dark, far = "odometry undecided: too dark", "odometry consistent"
+    records = [
+        replace(missed(far, 0.2), object_px=(19, 20)),
+        missed(dark, None),
+        replace(missed(far, 0.81), object_px=(34, 43)),
+        ATTACKED,
+        replace(missed("", None), rival="gate"),
+    ]
+    summary = summarise(parse_suite(SUITE), records, {})
+    assert table(summary, "What was missed").rows == (
+        ("default", "lateral", "no fog", "2", far, "0.81", "20–43"),
+        ("default", "lateral", "no fog", "1", dark, "–", "–"),
+    )
+    assert f"street sunny 1, odometry-offset:…: {dark}" in summary.missed
 
 
 def test_published_figures_stand_in_their_own_columns():
     suite = parse_suite({**SUITE, "rivals": ["default", "paper", "boxes"]})
     records = [replace(ATTACKED, rival=rival) for rival in suite.rivals]
-    found = table(summarise(suite, records, {}), "The paper's Table I")
-    assert [found.rows[1][i] for i in found.published] == [
-        "the paper's detector", "99.5 % (all)", "0 %", "PS 82, OS 75, OH 64, OM 66",
-    ]  # fmt: skip
-    assert all(found.rows[0][i] == "–" for i in found.published)
+    summary = summarise(suite, records, {})
+    found, cost = table(summary, "The paper's Table I"), table(summary, "Latency by attack")
+    assert [found.rows[1][i] for i in found.published] == ["the paper's detector", "99.5 % (all)", "0 %"]
+    assert [cost.rows[1][i] for i in cost.published] == ["the paper's detector", "75", "82", "64", "66"]
+    assert cost.rows[0][1:5] == ("2.0 / 2.9", "–", "–", "–")
+    assert all(one.rows[0][i] == "–" for one in (found, cost) for i in one.published)
     assert found.rows[0][1] == "1/1 (21–100 %)"
+    # Nobody knows what OS and PS are.
+    assert not any(short in " ".join(one.head) for one in (found, cost) for short in ("OS", "PS", "OH", "OM"))
 
 
 def test_the_smallest_lie_is_the_last_before_one_is_missed():
@@ -109,6 +150,19 @@ def test_the_curve_trades_false_alarms_for_detections():
     assert len(curve) == len(FACTORS)
 
 
+def test_every_detector_that_is_drawn_is_named_and_axes_begin_at_zero():
+    boxes = replace(
+        ATTACKED, rival="boxes", alert="object_misclassification", goal="OM",
+        delays={"object_misclassification": [0] * 31},
+    )  # fmt: skip
+    records = [HONEST, ATTACKED, replace(HONEST, rival="boxes"), boxes]
+    drawn = roc_figure(records, ["default", "boxes", "silent"])
+    for text in ("default", "boxes", "false alarms in 6.0 min"):
+        assert f">{text}</text>" in drawn, text
+    assert ">silent</text>" not in drawn
+    assert "−0.0" not in drawn  # delays below zero frames
+
+
 def test_markdown_holds_every_table_and_list():
     missed = replace(ATTACKED, caught=False)
     suite = parse_suite(SUITE)
@@ -117,7 +171,7 @@ def test_markdown_holds_every_table_and_list():
         "## Attacks caught",
         "## Missed by the first detector",
         "- run x: broke",
-        "| default | all |",
+        "| default | street-straight sunny |",
     ):
         assert part in text
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from belie.evaluation.bench.cache import code_key, content_key
-from belie.evaluation.bench.suite import Attacks, Drives, Goal, Real, Suite
+from belie.evaluation.bench.suite import STREAMS, Attacks, Drives, Goal, Real, Suite
 from belie.simulation.scenario import Scenario, load_scenario
 from belie.types import ConfigError
+
+RECORDED = "recorded"  # claims as they are in a recording
 
 # What a run's outcome follows from, besides the recording and the rival.
 _RUN_CODE = (
@@ -51,11 +53,27 @@ class DriveCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealCase:
-    """Real images with claims made from their reference poses."""
+    """A recording with its own claims, or its images with claims made from its poses.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    claims : str
+        See `belie.evaluation.bench.suite.Real`.
+    seed : int
+        Of the made claims' noise.
+    streams : tuple of (str, str)
+        Of its own streams, those that are named: arguments of `belie.recordings.open_recording`.
+    objects : bool
+        Whether its own detections are judged.
+    """
 
     path: Path
     claims: str
-    seed: int
+    seed: int = 0
+    streams: tuple[tuple[str, str], ...] = ()
+    objects: bool = True
 
     weather = "real"
 
@@ -67,14 +85,15 @@ class RealCase:
     @property
     def name(self) -> str:
         """For tables and reports."""
-        return f"{self.place} {self.claims} {self.seed}"
+        return f"{self.place} {self.claims}{'' if self.claims == RECORDED else f' {self.seed}'}"
 
     @property
     def key(self) -> str:
         """Names everything that it follows from; the files are taken to stay as they are."""
-        stat = self.path.stat() if self.path.exists() else None
-        stamp = None if stat is None else stat.st_mtime_ns
-        return content_key([str(self.path), stamp, self.claims, self.seed, code_key(("recordings",))])
+        files = [self.path, *(Path(name) for _, name in self.streams)]
+        stamps = [file.stat().st_mtime_ns if file.exists() else None for file in files]
+        known = [str(self.path), self.streams, stamps, self.claims, self.seed, self.objects]
+        return content_key([*known, code_key(("recordings",))])
 
 
 RecordingCase = DriveCase | RealCase
@@ -134,7 +153,7 @@ def recordings_of(suite: Suite) -> list[RecordingCase]:
         Where a scenario or a folder of real recordings is missing.
     """
     drives = [case for group in suite.drives for case in _drives(group, objects=suite.objects)]
-    return [*drives, *(case for group in suite.real for case in _real(group))]
+    return [*drives, *(case for group in suite.real for case in _real(group, objects=suite.objects))]
 
 
 def attacks_on(recording: RecordingCase, suite: Suite) -> list[AttackCase]:
@@ -195,7 +214,7 @@ def _drives(group: Drives, *, objects: bool) -> Iterator[DriveCase]:
     for name, weather, seed in product(group.scenarios, group.weathers, group.seeds):
         scenario = load_scenario(
             name, weather=weather, seed=seed, duration_s=group.duration_s, width=group.width, height=group.height,
-            frame_rate_hz=group.frame_rate_hz,
+            frame_rate_hz=group.frame_rate_hz, field_of_view_deg=group.field_of_view_deg,
         )  # fmt: skip
         if group.patch is not None:
             detector = scenario.sensors.object_detector.model_copy(update={"patch": group.patch})
@@ -207,15 +226,37 @@ def _drives(group: Drives, *, objects: bool) -> Iterator[DriveCase]:
             )
 
 
-def _real(group: Real) -> Iterator[RealCase]:
-    for text, seed in product(group.paths, group.seeds):
-        path = Path(text).expanduser()
-        if not path.is_absolute():
-            folder = os.environ.get("BELIE_DATA")
-            path = Path(folder) / path if folder and not path.exists() else path
-        if not path.exists():
+def _real(group: Real, *, objects: bool) -> Iterator[RealCase]:
+    own = group.claims == RECORDED
+    for text in group.paths:
+        path = _found(text, _data_folders())
+        if path is None:
             raise ConfigError(
                 f"{text}: no such recording; set BELIE_DATA to the folder that holds it, or write its "
                 f"whole path"
             )
-        yield RealCase(path=path, claims=group.claims, seed=seed)
+        streams = tuple((name, _stream(value, path)) for name in STREAMS if (value := getattr(group, name)))
+        for seed in (0,) if own else group.seeds:
+            yield RealCase(path=path, claims=group.claims, seed=seed, streams=streams, objects=objects)
+
+
+def _stream(value: str, recording: Path) -> str:
+    """A topic as it is; a file by its path, where it lies here, beside the recording, in it or in BELIE_DATA."""
+    if value in ("none", "poses") or (value.startswith("/") and not Path(value).is_file()):
+        return value
+    path = _found(value, [Path(), recording.parent, recording, *_data_folders()])
+    if path is not None and path.is_file():
+        return str(path)
+    if Path(value).suffix:
+        raise ConfigError(f"{value}: no such file here or beside {recording}")
+    return value
+
+
+def _data_folders() -> list[Path]:
+    folder = os.environ.get("BELIE_DATA")
+    return [Path(), *([Path(folder)] if folder else [])]
+
+
+def _found(text: str, folders: Sequence[Path]) -> Path | None:
+    path = Path(text).expanduser()
+    return next((folder / path for folder in folders if (folder / path).exists()), None)

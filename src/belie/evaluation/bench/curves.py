@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from belie.evaluation.bench.store import RunRecord
-from belie.evaluation.bench.summary import GOALS
+from belie.evaluation.bench.summary import GOALS, duration
 from belie.evaluation.bench.sweep import FACTORS
 from belie.evaluation.figures import svg
 from belie.types import AlertType
@@ -35,7 +35,7 @@ def operating_curve(
     """(False alarms an hour, share caught, median delay in frames) for every factor of the thresholds."""
     own = [r for r in records if r.rival == rival and r.not_applicable is None]
     honest = [r for r in own if r.spec is None]
-    hours = sum(r.honest_s for r in honest) / 3600.0
+    hours = _honest_s(records, rival) / 3600.0
     delays = [r.delays[alert] for r in own if r.delays and alert in r.delays and r.alert == alert]
     if not hours or not delays:
         return []
@@ -49,33 +49,51 @@ def operating_curve(
     return curve
 
 
+def _honest_s(records: Sequence[RunRecord], rival: str) -> float:
+    return sum(
+        r.honest_s for r in records if r.rival == rival and r.spec is None and r.not_applicable is None
+    )
+
+
 def roc_figure(records: Sequence[RunRecord], rivals: Sequence[str]) -> str:
-    """Share caught, and median delay, against false alarms an hour; empty where nothing can be drawn."""
+    """Share caught, and median delay, against false alarms; empty where nothing can be drawn."""
     goals = [g for g in GOALS if any(operating_curve(records, r, ALERT_OF_GOAL[g].value) for r in rivals)]
     if not goals:
         return ""
 
+    driven_s = max(_honest_s(records, rival) for rival in rivals)
+    # Of less than an hour an hourly rate would be told with digits that nobody has measured.
+    hours, unit = (1.0, "an hour") if driven_s >= 3600.0 else (driven_s / 3600.0, f"in {duration(driven_s)}")
+
     def draw(figure: Any) -> None:
         axes = figure.subplots(2, len(goals), squeeze=False, sharex=True)
+        drawn: dict[str, Any] = {}
         for column, goal in enumerate(goals):
             for rival in rivals:
                 curve = operating_curve(records, rival, ALERT_OF_GOAL[goal].value)
                 if not curve:
                     continue
-                x = np.array([max(rate, 0.0) for rate, _, _ in curve])
+                x = np.array([max(rate, 0.0) for rate, _, _ in curve]) * hours
                 colour, now = colour_of(rival, rivals), int(np.argmin(np.abs(np.array(FACTORS) - 1.0)))
                 for row, values in enumerate(
                     ([c[1] for c in curve], [np.nan if c[2] is None else c[2] for c in curve])
                 ):
-                    axes[row, column].plot(x, values, color=colour, label=rival, linewidth=1.4)
+                    (drawn[rival],) = axes[row, column].plot(
+                        x, values, color=colour, label=rival, linewidth=1.4
+                    )
                     axes[row, column].plot(x[now], values[now], "o", color=colour, markersize=5)
             axes[0, column].set_title(GOALS[goal], fontsize=9.0)
             axes[0, column].set_ylim(-0.03, 1.03)
             axes[1, column].set_xscale("symlog", linthresh=1.0)
             axes[1, column].set_xlim(left=0.0)
-            axes[1, column].set_xlabel("false alarms an hour")
+            axes[1, column].xaxis.set_major_formatter("{x:g}")
+            axes[1, column].set_xlabel(f"false alarms {unit}")
+            axes[1, column].set_ylim(bottom=0.0, top=max(1.0, axes[1, column].get_ylim()[1]))
         axes[0, 0].set_ylabel("share caught")
         axes[1, 0].set_ylabel("median delay, frames")
-        axes[0, 0].legend(fontsize=8.0)
+        shown = [rival for rival in rivals if rival in drawn]  # not every detector judges every attack
+        figure.legend(
+            [drawn[r] for r in shown], shown, loc="outside upper center", ncols=len(shown), fontsize=8.0
+        )
 
     return svg(draw, (2.6 * len(goals) + 1.0, 4.4), "roc")

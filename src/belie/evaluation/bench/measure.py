@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from belie.attacks import AttackLabel
-from belie.evaluation.bench.rivals import Rival, checks_of, status_of
+from belie.evaluation.bench.misses import Miss, why_missed
+from belie.evaluation.bench.rivals import Rival, RivalError, checks_of, status_of
 from belie.evaluation.bench.sweep import Exceedances, exceedances
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.types import Alert, CheckResult, Status, Step, Verdict
 
+_GRACE_NS = 1_000_000_000  # of `score`: so long after an attack an alert is still within it
 _SETTLING = 10  # frames at the start that no latency is taken of: caches are cold
 
 
@@ -24,7 +26,7 @@ class FrameTable:
     columns: dict[str, list[Any]] = field(
         default_factory=lambda: {
             name: [] for name in ("frame", "stamp_ns", "status", "latency_ms", "decode_ms", "alerts", "check", "source",
-                                  "object", "check_status", "statistic", "threshold", "unit")
+                                  "object", "check_status", "statistic", "threshold", "unit", "reason")
         }
     )  # fmt: skip
 
@@ -44,10 +46,10 @@ class FrameTable:
         checks: Sequence[CheckResult | None] = verdict.checks or (None,)
         for check in checks:
             told = (
-                (None,) * 7
+                (None,) * 8
                 if check is None
                 else (check.check, check.source, check.object, check.status.value, check.statistic, check.threshold,
-                      check.unit)
+                      check.unit, check.reason)
             )  # fmt: skip
             for column, value in zip(self.columns.values(), (*base, *told), strict=True):
                 column.append(value)
@@ -69,7 +71,12 @@ class Measured:
         Of every frame but the first few: of the update, of decoding the image (not part of it), and of visual odometry
         (part of it), where the detector tells.
     right_first : bool or None
-        Whether the first alert within the attack named the right kind and source; None where there was none.
+        Whether the first alert within the attack named the right kind and source (and object, where both name one);
+        None where there was none.
+    during : int
+        Alerts within the attack, its second of grace included, that it does not explain.
+    miss : Miss
+        What is known of why the attack was missed.
     exceeded : Exceedances
         How the statistics stood to their thresholds: for the curves.
     table : FrameTable
@@ -83,6 +90,8 @@ class Measured:
     decode_ms: tuple[float, ...]
     seeing_ms: tuple[float, ...]
     right_first: bool | None
+    during: int
+    miss: Miss
     exceeded: Exceedances
     table: FrameTable
 
@@ -120,6 +129,8 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
         if hasattr(rival, "seeing_ms"):
             seeing_ms.append(float(rival.seeing_ms))
     scored = score(verdicts, labels)
+    unexplained = _unexplained(scored, labels)
+    missed = [one.label for one in scored.labels if one.hit is None]
     return Measured(
         score=scored,
         frames=len(verdicts),
@@ -127,7 +138,9 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
         latency_ms=tuple(latency_ms[_SETTLING:]),
         decode_ms=tuple(decode_ms[_SETTLING:]),
         seeing_ms=tuple(seeing_ms[_SETTLING:]),
-        right_first=_right_first(scored),
+        right_first=_right_first(scored, unexplained),
+        during=len(unexplained),
+        miss=why_missed(verdicts, missed[0]) if missed else Miss(),
         exceeded=exceedances(verdicts, labels),
         table=table,
     )
@@ -136,7 +149,7 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
 def _verdicts(steps: Iterable[Step], rival: Rival) -> Iterator[tuple[Verdict, Step]]:
     for number, step in enumerate(steps):
         began = time.perf_counter()
-        alerts: tuple[Alert, ...] = tuple(rival.update(step))
+        alerts = _alerts(rival, rival.update(step))
         spent_ms = (time.perf_counter() - began) * 1e3 + float(getattr(rival, "saved_ms", 0.0))
         verdict = Verdict(
             frame=number,
@@ -149,11 +162,33 @@ def _verdicts(steps: Iterable[Step], rival: Rival) -> Iterator[tuple[Verdict, St
         yield verdict, step
 
 
-def _right_first(scored: Score) -> bool | None:
+def _alerts(rival: Rival, answer: object) -> tuple[Alert, ...]:
+    """What a detector gave for a frame, if these are alerts: a user's own may give anything."""
+    if not isinstance(answer, Iterable):
+        raise RivalError(f"{type(rival).__name__}.update() must return the alerts, got {answer!r}")
+    alerts = tuple(answer)
+    if strange := [one for one in alerts if not isinstance(one, Alert)]:
+        raise RivalError(f"{type(rival).__name__}.update() must return belie.types.Alert, got {strange[0]!r}")
+    return alerts
+
+
+def _unexplained(scored: Score, labels: Sequence[AttackLabel]) -> list[RaisedAlert]:
+    """Alerts within an attack that are of another kind, source or object."""
+    return [
+        *scored.wrong_attributions,
+        *(
+            one
+            for one in scored.false_alerts
+            if any(label.start_ns <= one.stamp_ns <= label.end_ns + _GRACE_NS for label in labels)
+        ),
+    ]
+
+
+def _right_first(scored: Score, unexplained: Sequence[RaisedAlert]) -> bool | None:
     """Whether the earliest alert within the attack was the right one."""
 
     def first(alerts: Iterable[RaisedAlert | None]) -> float:
         return min((one.frame for one in alerts if one is not None), default=math.inf)
 
-    right, wrong = first(label.hit for label in scored.labels), first(scored.wrong_attributions)
+    right, wrong = first(label.hit for label in scored.labels), first(unexplained)
     return None if math.isinf(right) and math.isinf(wrong) else right <= wrong

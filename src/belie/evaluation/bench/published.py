@@ -35,8 +35,8 @@ class Published:
 
 
 TABLE_I = (
-    Published(method="DetectorGuard", like="objectness", clear="74 % (OH)", fog="0 %", latency_ms={"OH": 119}),
-    Published(method="PercepGuard", like="boxes", clear="99 % (OM)", fog="0 %", latency_ms={"OM": 435}),
+    Published(method="DetectorGuard", like="objectness", clear="74 % (hiding)", fog="0 %", latency_ms={"OH": 119}),
+    Published(method="PercepGuard", like="boxes", clear="99 % (misclassification)", fog="0 %", latency_ms={"OM": 435}),
     Published(
         method="the paper's detector", like="paper", clear="99.5 % (all)", fog="0 %",
         latency_ms={"PS": 82, "OS": 75, "OH": 64, "OM": 66},

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from belie.evaluation.bench.cases import DriveCase, RealCase, RecordingCase
+from belie.evaluation.bench.cases import RECORDED, DriveCase, RealCase, RecordingCase
 from belie.evaluation.bench.made_claims import CAMERA, Drive, Variant, made_recording
 from belie.evaluation.bench.memory import MemoryRecording
 from belie.evaluation.bench.pictures import Pictures
@@ -27,24 +28,43 @@ def load(case: RecordingCase, cache: Path) -> MemoryRecording:
     Raises
     ------
     RecordingError
-        If a real recording cannot be read or holds no poses.
+        If a recording cannot be read, or holds no poses to make claims from.
+    TopicError, CalibrationError
+        If of a recording's own streams one is missing or ambiguous, or its camera is not known.
     MissingExtraError
         If it must be rendered, without ``moderngl``.
     """
-    return _drive(case, cache) if isinstance(case, DriveCase) else _real(case)
+    if isinstance(case, DriveCase):
+        return _drive(case, cache)
+    return _as_recorded(case) if case.claims == RECORDED else _real(case)
 
 
 def _drive(case: DriveCase, cache: Path) -> MemoryRecording:
     pictures = Pictures(scenario=case.scenario, cache=cache)
     pictures.render()
     drive, steps = pictures.steps(case.sensor_seed)
-    if not case.objects:
-        steps = tuple(_without_objects(step) for step in steps)
-    return MemoryRecording(name=case.name, cameras=drive.cameras, joined=steps)
+    return MemoryRecording(name=case.name, cameras=drive.cameras, joined=_judged(steps, objects=case.objects))
 
 
-def _without_objects(step: Step) -> Step:
-    return replace(step, claims=tuple(c for c in step.claims if not isinstance(c, DetectionClaim)))
+def _judged(steps: Iterable[Step], *, objects: bool) -> tuple[Step, ...]:
+    """All steps; without their detections where these are not judged."""
+    if objects:
+        return tuple(steps)
+    return tuple(
+        replace(step, claims=tuple(c for c in step.claims if not isinstance(c, DetectionClaim)))
+        for step in steps
+    )
+
+
+def _as_recorded(case: RealCase) -> MemoryRecording:
+    """All streams as `belie check` would judge them."""
+    recording = open_recording(case.path, **cast("dict[str, Any]", dict(case.streams)))
+    return MemoryRecording(
+        name=case.name,
+        cameras=recording.cameras,
+        joined=_judged(recording.steps(), objects=case.objects),
+        body_axes=recording.body_axes,
+    )
 
 
 def _real(case: RealCase) -> MemoryRecording:

@@ -6,7 +6,7 @@
         index.html, table.md      what it all came to
         suite.toml                what was run
         runs/KEY.json             one run: what was attacked, what came of it
-        runs/KEY.failed.json      a run that failed; tried again next time
+        runs/KEY.failed.json      a run that failed, with its traceback; tried again next time
         frames/KEY.parquet        every frame's verdict; the folder is one Parquet data set
         reports/KEY.html          reports of single runs
 """
@@ -55,7 +55,13 @@ class RunRecord:
     delay_frames, delay_ms
         From the onset to it.
     right_first : bool or None
-        Whether the first alert within the attack named the right kind and source.
+        Whether the first alert within the attack named the right kind and source (and object, where both name one).
+    during : int
+        Alerts within the attack, its second of grace included, that it does not explain.
+    why_missed, nearest
+        See `belie.evaluation.bench.misses.Miss`; of an attack that was not caught.
+    object_px : (int, int) or None
+        Width and height of the attacked object's box at the onset.
     wrong, false_alerts, before_onset, aftermath : list of str
         Alerts that the attack does not explain; raised outside of it; those before it; `Score.aftermath`.
     honest_s : float
@@ -91,6 +97,10 @@ class RunRecord:
     delay_frames: int | None = None
     delay_ms: float | None = None
     right_first: bool | None = None
+    during: int = 0
+    why_missed: str = ""
+    nearest: float | None = None
+    object_px: tuple[int, int] | None = None
     wrong: tuple[str, ...] = ()
     false_alerts: tuple[str, ...] = ()
     before_onset: tuple[str, ...] = ()
@@ -138,11 +148,14 @@ def record_of(
             "caught": scored.hit is not None and not late,
             "delay_frames": scored.delay_frames,
             "delay_ms": scored.delay_ms,
+            "why_missed": f"found later than {attack.within} frames" if attack and late else found.miss.why,
+            "nearest": found.miss.nearest,
         }
     said = found.score
     return RunRecord(
         **known,
         right_first=found.right_first,
+        during=found.during,
         wrong=tuple(_words(said.wrong_attributions)),
         false_alerts=tuple(_words(said.false_alerts)),
         before_onset=tuple(_words(said.before_onset)),
@@ -213,9 +226,10 @@ class Store:
         (self.runs / f"{record.key}.failed.json").unlink(missing_ok=True)
         _write_json(self.runs / f"{record.key}.json", asdict(record))
 
-    def fail(self, name: str, key: str, error: str) -> None:
-        """Note that a run failed, and why."""
-        _write_json(self.runs / f"{key}.failed.json", {"key": key, "run": name, "error": error})
+    def fail(self, name: str, key: str, error: str, trace: str = "") -> None:
+        """Note that a run failed, why in a line, and the traceback."""
+        entry = {"key": key, "run": name, "error": error, "traceback": trace}
+        _write_json(self.runs / f"{key}.failed.json", entry)
 
     def loop_path(self, key: str) -> Path:
         """Where the outcome of a closed loop is kept."""

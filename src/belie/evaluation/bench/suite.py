@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self, get_args, get_origin
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from belie.evaluation.config_toml import toml_value
 from belie.simulation.scenario import WeatherName
 from belie.types import ConfigError, Settings
 
@@ -31,6 +33,9 @@ class Drives(Settings):
     width: int = Field(640, description="image width [px]", ge=64, le=3840)
     height: int = Field(480, description="image height [px]", ge=48, le=2160)
     frame_rate_hz: float = Field(10.0, description="images [Hz]", ge=1.0, le=60.0)
+    field_of_view_deg: float | None = Field(
+        None, description="horizontal [deg]; the scenario's own (80) if left out", gt=10.0, lt=150.0
+    )
     patch: Literal["none", "hide", "relabel"] | None = Field(
         None,
         description="what a printed patch in view does to the simulated detector; the scenario's own if "
@@ -38,23 +43,50 @@ class Drives(Settings):
     )
 
 
+# Of `[[real]]`, the streams that it may name.
+STREAMS = ("image", "camera_info", "odometry", "position", "imu", "detections")
+
+
 class Real(Settings):
-    """Real images with reference poses; the claims are made from these with realistic noise."""
+    """Recordings: with their own claims, or as images with reference poses from which claims are made."""
 
     paths: tuple[str, ...] = Field(
-        description="recordings that hold poses (KITTI, EuRoC, TUM); relative ones are sought in BELIE_DATA"
+        description="recordings, as `belie check` reads them; relative ones are sought here, then in BELIE_DATA"
     )
-    claims: Literal["given", "noisy", "noisy50"] = Field(
-        "noisy", description="odometry as given, with noise, or with noise at 50 Hz"
+    claims: Literal["recorded", "given", "noisy", "noisy50"] = Field(
+        "noisy",
+        description="recorded: every stream as it is, detections too. The others make odometry, IMU, localisation and "
+        "GNSS from the recording's poses: given: exact odometry; noisy: 1 % off, at "
+        "the frame rate; noisy50: at 50 Hz",
     )
-    seeds: tuple[int, ...] = Field((0,), description="of the claims' noise")
+    seeds: tuple[int, ...] = Field((0,), description="of the made claims' noise")
+    image: str | None = Field(
+        None, description="topic, as `belie check --image`; this and all below: recorded only"
+    )
+    camera_info: str | None = Field(None, description="topic or file, as `belie check --camera-info`")
+    odometry: str | None = Field(None, description='topic, or "none"')
+    position: str | None = Field(None, description='topic, "none", or "poses" (of a folder)')
+    imu: str | None = Field(None, description='topic, or "none"')
+    detections: str | None = Field(
+        None, description='topic, "none", or a file of detections: sought here, then beside the recording'
+    )
+
+    @model_validator(mode="after")
+    def _streams_are_recorded(self) -> Self:
+        named = [name for name in STREAMS if getattr(self, name) is not None]
+        if named and self.claims != "recorded":
+            raise ValueError(f'{named[0]} is of a recording\'s own streams: set claims = "recorded"')
+        return self
 
 
 class Attacks(Settings):
     """One family of attacks: each specification at each onset and magnitude."""
 
     family: str = Field(description="its name in the tables")
-    goal: Goal = Field("other", description="the paper's goal that it belongs to")
+    goal: Goal = Field(
+        "other",
+        description="the paper's goal: odometry or position spoofing, obstacle hiding, object misclassification",
+    )
     specs: tuple[str, ...] = Field(
         description="as `belie attack` takes them, without start; {x} stands for the magnitude, {minus_x} "
         "and "
@@ -71,10 +103,14 @@ class Attacks(Settings):
     )
     onsets: tuple[int, ...] = Field((100,), description="first attacked frames")
     lasts: int | None = Field(
-        None, description="attacked frames, where the attack's own length is not meant", ge=1
+        None,
+        description="attacked frames; the attack's own if left out (the paper's: 10; others: to the end)",
+        ge=1,
     )
     within: int | None = Field(
-        None, description="frames within which an alert is a hit; to the end of the attack if left out", ge=1
+        None,
+        description="frames within which an alert is a hit; to a second after the attack if left out",
+        ge=1,
     )
     target: Literal["any", "staying"] = Field(
         "any",
@@ -87,7 +123,7 @@ class Attacks(Settings):
 class ClosedLoop(Settings):
     """Drives that are steered by the attacked claims, without belie and with it."""
 
-    scenario: str = Field("closed-loop", description="where")
+    scenario: str = Field("closed-loop", description="name of `belie simulate`, or path to a scenario file")
     attacks: tuple[str, ...] = Field(("paper-odometry:start=60",), description="on the claims it steers by")
     seeds: tuple[int, ...] = Field((1,), description="of the world")
     duration_s: float = Field(10.0, description="length [s]", gt=0.0)
@@ -114,6 +150,11 @@ class Suite(Settings):
     closed_loop: ClosedLoop | None = None
 
 
+_TABLES: dict[str, type[Settings]] = {
+    "at the top": Suite, "[[drives]]": Drives, "[[real]]": Real, "[[attacks]]": Attacks, "[closed_loop]": ClosedLoop,
+}  # fmt: skip
+
+
 def shipped_suites() -> tuple[str, ...]:
     """Names of the suites in the package, sorted.
 
@@ -131,6 +172,50 @@ def suite_text(name: str) -> str:
     True
     """
     return (files("belie.evaluation.bench") / "suites" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def suite_keys() -> Iterator[tuple[str, list[tuple[str, str, str]]]]:
+    """Of every table of a suite its keys: name, value if left out, meaning.
+
+    >>> next(suite_keys())[1][0]
+    ('title', 'needed', 'one line')
+    """
+    for table, model in _TABLES.items():
+        keys = [
+            (
+                name,
+                "needed" if field.is_required() else _default(field.default),
+                f"{field.description}{_choices(field.annotation)}",
+            )
+            for name, field in model.model_fields.items()
+            if field.description
+        ]
+        yield table, keys
+
+
+def commented_keys() -> str:
+    """All keys of a suite as comments, to stand below one that is printed.
+
+    >>> commented_keys().splitlines()[:3]
+    ['# What a suite may say: key, value if left out, meaning.', '#', '# at the top']
+    """
+    lines = ["What a suite may say: key, value if left out, meaning."]
+    for table, keys in suite_keys():
+        lines += ["", table, *(f"  {name} ({default}): {meaning}" for name, default, meaning in keys)]
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def _choices(annotation: object) -> str:
+    """The words that a key takes, if it takes certain ones only."""
+    if get_origin(annotation) is Literal:
+        return f"; {', '.join(get_args(annotation))}"
+    return "".join(dict.fromkeys(_choices(part) for part in get_args(annotation)))
+
+
+def _default(value: object) -> str:
+    if value is None or value in ("", ()):
+        return "–"
+    return toml_value(list(value) if isinstance(value, tuple) else value)
 
 
 def load_suite(path_or_name: str | Path) -> Suite:

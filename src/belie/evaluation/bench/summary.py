@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 
-from belie.evaluation.bench.published import TABLE_I
+from belie.evaluation.bench.published import TABLE_I, Published
 from belie.evaluation.bench.rivals import RivalMaker
 from belie.evaluation.bench.store import RunRecord
 from belie.evaluation.bench.suite import Attacks, Suite
@@ -21,6 +20,7 @@ GOALS: Mapping[str, str] = {
 }  # fmt: skip
 _FOG = {"light-fog": "light fog", "heavy-fog": "heavy fog"}
 _ENOUGH = 0.95
+_HOUR_S = 3600.0
 _TIMES_S = (10.0, 30.0, 60.0)
 NOTHING = "–"
 
@@ -80,16 +80,20 @@ def summarise(
         *_when(any(r.spec is None for r in tried), lambda: honest_table(suite, tried)),
         *_when(any(r.spec for r in tried), lambda: success_table(suite, tried, makers)),
         *_when(any(r.spec for r in tried), lambda: delay_table(suite, tried, makers)),
+        *_when(any(r.spec for r in tried), lambda: miss_table(tried, suite.rivals, makers)),
         *_when(_sweeps(suite), lambda: smallest_table(suite, tried, makers)),
         *_when(any(g.ramp for g in suite.attacks), lambda: stealth_table(suite, tried, makers)),
         *([closed_loop] if closed_loop else []),
+        *_when(any(r.goal in GOALS for r in tried), lambda: goal_latency_table(suite, tried, makers)),
         *_when(bool(tried), lambda: latency_table(suite, tried)),
     ]
     first = suite.rivals[0]
     return Summary(
         tables=tuple(table for table in tables if table.rows),
         missed=tuple(
-            f"{r.recording}, {r.spec}" for r in tried if r.rival == first and r.caught is False and not r.unit
+            f"{r.recording}, {r.spec}{f': {r.why_missed}' if r.why_missed else ''}"
+            for r in tried
+            if r.rival == first and r.caught is False and not r.unit
         ),
         false_alerts=tuple(
             f"{r.recording}: {one}"
@@ -98,8 +102,11 @@ def summarise(
             for one in r.false_alerts
         ),
         not_applicable=tuple(
-            f"{count} x {why}"
-            for why, count in Counter(_reason(r) for r in records if r.not_applicable).most_common()
+            # Of one kind the first stands for all, with its numbers: they say what to set.
+            f"{len(own)} x {own[0].family}: {own[0].not_applicable}"
+            for _, own in sorted(
+                _by((r for r in records if r.not_applicable), _reason), key=lambda g: -len(g[1])
+            )
         ),
         failures=tuple(failures),
     )
@@ -120,41 +127,56 @@ def condition(record: RunRecord) -> str:
 
 
 def table_i(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str, RivalMaker]) -> Table:
-    """The paper's Table I as measured here, beside what was published."""
-    measured_heads = ("detector", "without fog", "in fog", "false alerts an hour")
-    published_heads = ("published as", "published: without fog", "published: in fog", "published: ms")
+    """The paper's Table I as measured here, beside what was published; its latency has `goal_latency_table`."""
     rows = []
     for rival in suite.rivals:
         own = [r for r in records if r.rival == rival and r.goal in GOALS and _is_judged(r, makers)]
-        published = next((p for p in TABLE_I if p.like == rival), None)
+        published = _published(rival)
         fog = [r for r in own if "fog" in r.weather]
         clear = [r for r in own if "fog" not in r.weather]
         honest = [r for r in records if r.rival == rival and r.spec is None]
-        count, seconds = sum(len(r.false_alerts) for r in honest), sum(r.honest_s for r in honest)
-        false = (
-            f"{_hourly(count, seconds)} (at most {_hourly(poisson_upper(count), seconds)})"
-            if honest
-            else NOTHING
-        )
-        rows.append(
-            (
-                rival, rate(clear), rate(fog), false, *(_p50_p95([r for r in own if r.goal == goal]) for goal in GOALS),
-                published.method if published else NOTHING, published.clear if published else NOTHING,
-                published.fog if published else NOTHING,
-                ", ".join(f"{goal} {ms}" for goal, ms in published.latency_ms.items()) if published else NOTHING,
-            )
-        )  # fmt: skip
+        theirs = (published.method, published.clear, published.fog) if published else (NOTHING,) * 3
+        rows.append((rival, rate(clear), rate(fog), false_alerts(honest), *theirs))
     return Table(
         title="The paper's Table I, as measured here and as published",
-        note="Success: the right alert on the right source within the attack or a second after, with Wilson's 95 % "
+        note="Caught: the right alert on the right source within the attack or a second after, with Wilson's 95 % "
         "interval, over the attacks that a detector judges at all. A success rate says little without the false "
-        "alerts: those are of honest runs, with the upper bound. Latency: of all frames of the attacked runs, p50 / "
-        "p95 in ms, decoding apart. "
+        "alerts: those are of honest runs, and at most so many an hour are not excluded by so little driving. "
         "Published columns are others' figures, from other machines and recordings.",
-        head=(*measured_heads, *(f"{goal} ms" for goal in GOALS), *published_heads),
+        head=(
+            "detector", "caught without fog", "caught in fog", "false alerts", "published as",
+            "published: without fog", "published: in fog",
+        ),
         rows=tuple(rows),
-        published=(8, 9, 10, 11),
-    )
+        published=(4, 5, 6),
+    )  # fmt: skip
+
+
+def goal_latency_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str, RivalMaker]) -> Table:
+    """What a frame costs under each of the paper's attacks, as measured and as published."""
+    rows = []
+    for rival in suite.rivals:
+        own = [r for r in records if r.rival == rival and r.goal in GOALS and _is_judged(r, makers)]
+        published = _published(rival)
+        if not own:
+            continue
+        measured = (_p50_p95([r for r in own if r.goal == goal]) for goal in GOALS)
+        theirs = published.latency_ms if published else {}
+        told = (str(theirs.get(goal, NOTHING)) for goal in GOALS)
+        rows.append((rival, *measured, published.method if published else NOTHING, *told))
+    return Table(
+        title="Latency by attack, as measured here and as published",
+        note="Milliseconds a frame over all frames of the attacked runs, p50 / p95, decoding apart.",
+        head=(
+            "detector", *GOALS.values(), "published as", *(f"published: {name}" for name in GOALS.values())
+        ),
+        rows=tuple(rows),
+        published=(5, 6, 7, 8, 9),
+    )  # fmt: skip
+
+
+def _published(rival: str) -> Published | None:
+    return next((p for p in TABLE_I if p.like == rival), None)
 
 
 def honest_table(suite: Suite, records: Sequence[RunRecord]) -> Table:
@@ -163,27 +185,29 @@ def honest_table(suite: Suite, records: Sequence[RunRecord]) -> Table:
     rows = []
     for rival in suite.rivals:
         own = [r for r in honest if r.rival == rival]
-        for name, part in (*_by(own, _place_and_condition), *([("all", own)] if own else [])):
+        places = list(_by(own, _place_and_condition))
+        for name, part in (*places, *([("all", own)] if len(places) > 1 else [])):
             seconds, alerts = sum(r.honest_s for r in part), sum(len(r.false_alerts) for r in part)
             undecided = _share(sum(r.undecided for r in part), sum(r.frames for r in part))
             rows.append(
                 (
-                    rival, name, str(len(part)), f"{seconds / 60.0:.1f}", str(alerts), _hourly(alerts, seconds),
+                    rival, name, str(len(part)), duration(seconds), str(alerts),
+                    _hourly(alerts, seconds) if seconds >= _HOUR_S else NOTHING,
                     _hourly(poisson_upper(alerts), seconds), undecided,
                 )
             )  # fmt: skip
     return Table(
         title="False alerts on honest recordings",
         note="A false alert is any alert. The upper bound is Garwood's, one-sided, 95 %: so many an hour "
-        "are not excluded.",
+        "are not excluded. A rate an hour is given where an hour was driven.",
         head=(
             "detector",
             "where",
             "runs",
-            "minutes",
+            "driven",
             "false alerts",
             "an hour",
-            "at most",
+            "an hour, at most",
             "frames undecided",
         ),
         rows=tuple(rows),
@@ -218,23 +242,58 @@ def delay_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str,
             answered = [r for r in own if r.right_first is not None]
             if not answered:
                 continue
+            before = sum(len(r.before_onset) for r in own)
+            during = sum(r.during for r in own)
+            after = sum(len(set(r.aftermath) - set(r.wrong)) for r in own)
             rows.append(
                 (
                     rival, goal, f"{median(frames):g} / {np.percentile(frames, 95):.0f}" if frames else NOTHING,
                     f"{median(ms):.0f} / {np.percentile(ms, 95):.0f}" if ms else NOTHING,
-                    _share(sum(bool(r.right_first) for r in answered), len(answered)),
-                    str(sum(len(r.aftermath) for r in own)),
+                    f"{sum(bool(r.right_first) for r in answered)}/{len(answered)}",
+                    _share(len(hits), len(hits) + during), f"{before} / {during} / {after}",
                 )
             )  # fmt: skip
     return Table(
         title="Delay and attribution",
-        note="Delay from the first lying message to the alert, median / 95th percentile. Attribution: how "
-        "often the first alert "
-        "within the attack named the right kind and source. Aftermath: alerts about honest frames, raised "
-        "after the attack was over.",
-        head=("detector", "attack", "delay, frames", "delay, ms", "right attribution", "aftermath"),
+        note="Delay from the first lying message to the alert, median / 95th percentile. Right first: in how many "
+        "of the attacks with an alert the first one named the right kind, source and object. Right of all: the share "
+        "of all alerts within the attack that did. False alerts: before the attack / within it, of something else / "
+        "after it, all runs together; who accuses all the time is right at times.",
+        head=(
+            "detector", "attack", "delay, frames", "delay, ms", "right first", "right of all",
+            "false alerts: before / within / after",
+        ),
         rows=tuple(rows),
     )  # fmt: skip
+
+
+def miss_table(
+    records: Sequence[RunRecord], rivals: Sequence[str], makers: Mapping[str, RivalMaker]
+) -> Table:
+    """Why attacks were missed, as the detector's own checks say; sweeps and ramps have tables of their own."""
+    rows = []
+    for rival in rivals:
+        missed = [
+            r for r in _judged(records, rival, makers) if r.caught is False and not r.unit and r.why_missed
+        ]
+        for family, own in _by(missed, lambda r: r.family or ""):
+            groups = sorted(
+                _by(own, lambda r: f"{condition(r)}|{r.why_missed}"), key=lambda group: -len(group[1])
+            )
+            for name, part in groups:
+                where, _, why = name.partition("|")
+                nearest = max((r.nearest for r in part if r.nearest is not None), default=None)
+                told = NOTHING if nearest is None else f"{nearest:.2f}"
+                sizes = [max(r.object_px) for r in part if r.object_px]
+                rows.append((rival, family, where, str(len(part)), why, told, _span(sizes)))
+    return Table(
+        title="What was missed, and why",
+        note="What the check that should have found it said most of the time while the attack lasted, numbers left "
+        "out, and how near its statistic came to its threshold (1 accuses); and how large the attacked objects "
+        "were. Who shows no checks gives no reason.",
+        head=("detector", "attack", "where", "missed", "why", "statistic / threshold", "object, px"),
+        rows=tuple(rows),
+    )
 
 
 def smallest_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str, RivalMaker]) -> Table:
@@ -357,8 +416,44 @@ def _median(values: Sequence[float]) -> str:
     return f"{median(values):.1f}" if values else NOTHING
 
 
+def false_alerts(honest: Sequence[RunRecord]) -> str:
+    """False alerts of honest runs and the time they come from; a rate where an hour was driven, its bound always.
+
+    >>> false_alerts([RunRecord(key="", rival="", recording="", place="", weather="", seed=1, honest_s=7.0)])
+    '0 in 7 s (at most 1540 an hour)'
+    """
+    seconds, count = sum(r.honest_s for r in honest), sum(len(r.false_alerts) for r in honest)
+    if not seconds:
+        return NOTHING
+    hourly = f", {_hourly(count, seconds)} an hour" if seconds >= _HOUR_S else ""
+    return (
+        f"{count} in {duration(seconds)}{hourly} (at most {_hourly(poisson_upper(count), seconds)} an hour)"
+    )
+
+
+def duration(seconds: float) -> str:
+    """In seconds, minutes or hours.
+
+    >>> duration(6.9), duration(714.0), duration(7692.0)
+    ('7 s', '11.9 min', '2.1 h')
+    """
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.1f} min" if seconds < _HOUR_S else f"{seconds / _HOUR_S:.1f} h"
+
+
 def _hourly(count: float, seconds: float) -> str:
-    return f"{3600.0 * count / seconds:.2f}" if seconds else NOTHING
+    """Three digits: no more are known."""
+    return f"{float(f'{_HOUR_S * count / seconds:.3g}'):g}" if seconds else NOTHING
+
+
+def _span(values: Sequence[int]) -> str:
+    """Smallest to largest.
+
+    >>> _span([40, 22]), _span([7]), _span([])
+    ('22–40', '7', '–')
+    """
+    return NOTHING if not values else "–".join(dict.fromkeys((f"{min(values)}", f"{max(values)}")))
 
 
 def _share(part: int, whole: int) -> str:

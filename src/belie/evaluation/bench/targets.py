@@ -7,10 +7,13 @@ detector should say a word. The paper's obstacle stands or drives ahead.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterable
+
+import numpy as np
 
 from belie.evaluation.bench.cases import AttackCase
 from belie.evaluation.bench.memory import MemoryRecording
-from belie.types import AttackError, DetectionClaim
+from belie.types import AttackError, DetectionClaim, Step
 
 _BEFORE, _AFTER = (
     15,
@@ -54,3 +57,14 @@ def staying_object(recording: MemoryRecording, onset: int) -> str | None:
         if len(areas) >= _SHARE * messages[key[0]] and messages[key[0]] > 1
     }
     return max(stays, key=lambda key: stays[key])[1] if stays else None
+
+
+def size_px(steps: Iterable[Step], track_id: str) -> tuple[int, int] | None:
+    """Width and height of the first box that is told of an object, or None: a small one is missed for its size."""
+    for step in steps:
+        for claim in step.claims:
+            for d in claim.detections if isinstance(claim, DetectionClaim) else ():
+                if d.track_id == track_id and d.box_px is not None:
+                    width, height = np.rint(d.box_px[2:] - d.box_px[:2]).astype(int).tolist()
+                    return width, height
+    return None

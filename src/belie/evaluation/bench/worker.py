@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import os
+import sysconfig
+import traceback
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 
-from belie.attacks import AttackLabel, attack
+from belie.attacks import AttackLabel, attack, parse_attack
 from belie.detector import Config
-from belie.evaluation.bench.cases import RecordingCase, RunCase
+from belie.evaluation.bench.cases import RECORDED, RealCase, RecordingCase, RunCase
 from belie.evaluation.bench.loops import Loop, drive
 from belie.evaluation.bench.measure import Measured, measure
 from belie.evaluation.bench.memory import MemoryRecording
 from belie.evaluation.bench.recorded import load
-from belie.evaluation.bench.rivals import RivalMaker, rival_maker
+from belie.evaluation.bench.rivals import RivalError, RivalMaker, rival_maker
 from belie.evaluation.bench.rivals.belie_rival import BelieRival
 from belie.evaluation.bench.rivals.remembered import OtherImagesError, Sight
 from belie.evaluation.bench.store import Store, record_of
-from belie.evaluation.bench.targets import targeted
+from belie.evaluation.bench.targets import size_px, targeted
 from belie.types import AttackError, BelieError, ConfigError, MissingExtraError
+
+_NOT_THEIRS = (str(files("belie")), *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +67,7 @@ def run_task(task: Task) -> None:
         raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
         for case, key in task.runs:
-            store.fail(case.name, key, _line(error))
+            store.fail(case.name, key, _line(error), _trace(error))
         return
     for case, key in task.runs:
         try:
@@ -71,7 +76,7 @@ def run_task(task: Task) -> None:
         except (MissingExtraError, ConfigError) as error:
             raise ConfigError(str(error)) from None
         except Exception as error:
-            store.fail(case.name, key, _line(error))
+            store.fail(case.name, key, _line(error), _trace(error))
 
 
 def _load(task: Task) -> _Seen:
@@ -91,12 +96,28 @@ def _run(case: RunCase, key: str, maker: RivalMaker, seen: _Seen, store: Store) 
         attacked = attack(seen.frames, spec)
         labels = attacked.labels
     except AttackError as error:
-        store.save(record_of(case, key, None, (), why_not=str(error)), None)
+        store.save(record_of(case, key, None, (), why_not=f"{error}{_remedy(case)}"), None)
         return
     frames = MemoryRecording(name=case.name, cameras=seen.frames.cameras, joined=tuple(attacked.steps()))
-    case = replace(case, attack=replace(case.attack, spec=spec))
+    told = replace(case, attack=replace(case.attack, spec=spec))
     found = _measured(maker, seen, frames, camera=labels[0].stream == "camera", labels=labels)
-    store.save(record_of(case, key, found, labels, size=_size(seen)), found.table)
+    record = record_of(told, key, found, labels, size=_size(seen))
+    if labels[0].object is not None:
+        # Of a phantom only the lie tells.
+        near = (
+            *seen.frames.joined[max(0, case.attack.onset - 3) :][:6],
+            *frames.joined[case.attack.onset :][:6],
+        )
+        record = replace(record, object_px=size_px(near, labels[0].object))
+    store.save(record, found.table)
+
+
+def _remedy(case: RunCase) -> str:
+    """What to set where an attack is on what was left out of a recording."""
+    made = isinstance(case.recording, RealCase) and case.recording.claims != RECORDED
+    if made and case.attack is not None and parse_attack(case.attack.spec).stream == "detections":
+        return f'; claims are made from poses here: claims = "{RECORDED}" takes the recording\'s own'
+    return ""
 
 
 def _measured(
@@ -129,7 +150,7 @@ def run_loop(loop: Loop, folder: Path) -> None:
     except (MissingExtraError, ConfigError) as error:
         raise ConfigError(str(error)) from None  # of every run the same: it ends the suite
     except Exception as error:
-        store.fail(loop.name, loop.key, _line(error))
+        store.fail(loop.name, loop.key, _line(error), _trace(error))
 
 
 def _size(seen: _Seen) -> str:
@@ -138,5 +159,16 @@ def _size(seen: _Seen) -> str:
 
 
 def _line(error: Exception) -> str:
-    kind = "" if isinstance(error, BelieError) else f"{type(error).__name__}: "
-    return f"{kind}{' '.join(str(error).split())}"
+    """Kind, message and place; of belie's own errors the message, which tells what to do."""
+    text = " ".join(str(error).split())
+    if isinstance(error, BelieError | RivalError):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    # A detector of the user's own is where to look, not what it called.
+    theirs = [frame for frame in frames if not frame.filename.startswith(_NOT_THEIRS)] or frames
+    place = f" ({Path(theirs[-1].filename).name}:{theirs[-1].lineno})" if theirs else ""
+    return f"{type(error).__name__}: {text}{place}"
+
+
+def _trace(error: Exception) -> str:
+    return "".join(traceback.format_exception(error))

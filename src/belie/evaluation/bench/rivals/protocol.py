@@ -24,6 +24,10 @@ from belie.types import Alert, AlertType, CheckResult, MountedCamera, Status, St
 Cameras = Mapping[str, MountedCamera]
 
 
+class RivalError(TypeError):
+    """What a detector gave is not what is asked of it; the message says what is."""
+
+
 @runtime_checkable
 class Rival(Protocol):
     """A detector as the benchmark sees it.

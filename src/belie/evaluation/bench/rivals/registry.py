@@ -109,6 +109,12 @@ def _class(path: str) -> Any:
         ) from None
     if not (inspect.isclass(kind) and callable(getattr(kind, "update", None))):
         raise ConfigError(f"rival {path} is no class with a method update(step)")
+    try:
+        inspect.signature(kind).bind({})
+    except TypeError:
+        raise ConfigError(
+            f"rival {path} is made with the cameras: write def __init__(self, cameras)"
+        ) from None
     return kind
 
 
