@@ -68,6 +68,7 @@ def test_who_accuses_all_the_time_is_not_praised_for_its_attribution():
     noisy = replace(
         ATTACKED, during=9, wrong=("frame 101: imu",) * 4, before_onset=("frame 1: imu",) * 2,
         false_alerts=("frame 1: imu",) * 2 + ("frame 102: imu",) * 5 + ("frame 200: imu",),
+        aftermath=("frame 200: imu",),
     )  # fmt: skip
     (row,) = table(summarise(parse_suite(SUITE), [noisy], {}), "Delay").rows
     assert row[-2:] == ("10 %", "2 / 9 / 1")
