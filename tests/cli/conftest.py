@@ -62,7 +62,9 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run() -> Callable[..., Result]:
     def invoke(*arguments: object) -> Result:
         # pytest-xdist tells its workers how wide the terminal is.
-        return CliRunner(env={"COLUMNS": None}).invoke(app, [str(argument) for argument in arguments], prog_name="belie")
+        return CliRunner(env={"COLUMNS": None}).invoke(
+            app, [str(argument) for argument in arguments], prog_name="belie"
+        )
 
     return invoke
 

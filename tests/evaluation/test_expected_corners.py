@@ -107,7 +107,7 @@ def test_a_snapshot_of_an_object_shows_the_object(frames, corners, followed):
     verdict = Verdict(
         frame=0, stamp_ns=view.frame.stamp_ns, status=Status.CONTRADICTED, latency_ms=1.0, alerts=(alert,)
     )
-    recorder.add(view, verdict, None, (FollowedObject(key=0, view=car),) if followed else ())
+    recorder.add(view, verdict, None, (FollowedObject(view=car),) if followed else ())
     (snapshot,) = recorder.finish()
     assert snapshot.basis == "object"
     assert snapshot.object is (car if followed else None)

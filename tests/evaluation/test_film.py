@@ -44,6 +44,7 @@ def view(k, name="7", *, told=None, **fields):
         "detected_px": None if told is None else np.array([42.0, 30.0, 80.0, 50.0]),
         "told_ns": START_NS + (k if told is None else told) * FRAME_NS, "predicted_px": px + 1.0,
         "observed_px": px, "error_px2": 0.3, "status": "missing" if told is None else "reported",
+        "number": int(name), "told_id": "" if told is None else name, "met_ns": START_NS,
     }  # fmt: skip
     return ObjectView(**(given | fields))
 
@@ -116,7 +117,12 @@ def shifted(k):
     """Car 7 where it is; from frame 20 to 30 the detector tells of it at another place, which then gets a view, too."""
     if k < 20:
         return (view(k, told=k),)
-    place = {"box_px": THERE, "detected_px": THERE if k < 30 else None}
+    place = {
+        "box_px": THERE,
+        "detected_px": THERE if k < 30 else None,
+        "number": 9,
+        "met_ns": START_NS + 20 * FRAME_NS,
+    }
     return (
         view(k, told=None if k < 30 else k),
         view(k, told=k if k < 30 else None, status="reported" if k < 30 else "missing", **place),
@@ -171,8 +177,17 @@ def test_a_swap_names_the_ids_and_stays_with_its_object(made_run):
         named = {"misnamed": k < 30} if k >= 20 else {}
         names = ("7", "8") if k < 30 else ("8", "7")  # when the lie is believed
         return (
-            view(k, names[0], told=k, **named),
-            view(k, names[1], told=k, box_px=far, detected_px=far, **named),
+            view(k, names[0], told=k, number=7, told_id="7" if k < 20 else "8", **named),
+            view(
+                k,
+                names[1],
+                told=k,
+                number=8,
+                told_id="8" if k < 20 else "7",
+                box_px=far,
+                detected_px=far,
+                **named,
+            ),
         )
 
     (film,) = filmed(
@@ -267,8 +282,8 @@ def test_an_attack_that_leaves_the_object_what_it_was_says_so():
     _, (film,) = attacked(60, lambda k: (view(k, **told),), kind=AlertType.OBJECT_MISCLASSIFICATION)
     assert film.why == "it was called truck, which counts as one kind of thing with car"
     _, (film,) = attacked(
-        60, lambda k: (view(k, "8" if 20 <= k < 30 else "7", told=k),), kind=AlertType.OBJECT_MISCLASSIFICATION,
-        told=lambda k: {"8" if 20 <= k < 30 else "7": HERE},
+        60, lambda k: (view(k, "8" if 20 <= k < 30 else "7", told=k, number=7),),
+        kind=AlertType.OBJECT_MISCLASSIFICATION, told=lambda k: {"8" if 20 <= k < 30 else "7": HERE},
     )  # fmt: skip
     assert film.why == "its box was told under the track id 8, which was taken for a new name of it"
     assert film.is_swapped

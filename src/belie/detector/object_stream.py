@@ -297,7 +297,7 @@ class ObjectStream:
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += vote
-        track.told_px, track.told_label = box, detection.label
+        track.told_px, track.told_label, track.told_id = box, detection.label, detection.track_id
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame, covers)
@@ -347,10 +347,12 @@ class ObjectStream:
             box_px=box,
             hiding=ErrorTest(self.missed),
             naming=ErrorTest(self.misnamed),
+            number=self._made,
+            met_ns=stamp_ns,
         )
         track.weight = _weight(detection.score) * _sight(box)
         track.votes[self.settings.classes.of(detection.label)] = track.weight
-        track.told_px, track.told_label = box, detection.label
+        track.told_px, track.told_label, track.told_id = box, detection.label, detection.track_id
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame, covers)
         self.tracks.append(track)

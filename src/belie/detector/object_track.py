@@ -40,6 +40,8 @@ class ObjectTrack:
     box_px: FloatArray
     hiding: ErrorTest
     naming: ErrorTest
+    number: int = 0  # in the order in which its detector's objects were met
+    met_ns: int = 0  # stamp of the message that first told of it
     corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     places: FloatArray = field(
         default_factory=lambda: np.empty((0, 2))
@@ -81,6 +83,7 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
+    told_id: str = ""
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
     likeness: Likeness = field(default_factory=Likeness)

@@ -21,8 +21,12 @@ class ObjectView:
     ----------
     source, name, label : str
         The detector, the object's track id, and the last label that fits what most messages called it.
-    told_label : str
-        What the detector last called it.
+    number : int
+        Its own for as long as its pixels are followed, whatever its detector calls it.
+    met_ns : int
+        Stamp of the message that first told of it.
+    told_label, told_id : str
+        What the detector last called it, and its track id in the message of this frame, if that tells of it.
     misnamed : bool
         Whether that does not fit.
     box_px : array (4,)
@@ -51,6 +55,9 @@ class ObjectView:
     observed_px: FloatArray
     error_px2: float | None
     status: ObjectStatus
+    number: int = 0
+    met_ns: int = 0
+    told_id: str = ""
 
 
 def view_of(track: ObjectTrack, source: str, *, heard: bool) -> ObjectView:
@@ -70,6 +77,9 @@ def view_of(track: ObjectTrack, source: str, *, heard: bool) -> ObjectView:
         observed_px=_own(none if motion is None else motion.found_px[motion.agreeing]),
         error_px2=None if motion is None else motion.error_px2,
         status="reported" if track.told_px is not None else "missing" if heard else "not told",
+        number=track.number,
+        met_ns=track.met_ns,
+        told_id="" if track.told_px is None else track.told_id,
     )
 
 

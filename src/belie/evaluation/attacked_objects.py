@@ -55,7 +55,7 @@ class AttackedObjects:
         frame: Frame,
         objects: Iterable[FollowedObject],
         verdict: Verdict,
-        past: Mapping[int, Sequence[Shot]],
+        past: Mapping[tuple[str, int], Sequence[Shot]],
     ) -> None:
         """Take in a frame, its objects, the verdict on it, and the last shots of each object."""
         seen = {one.key: one for one in objects}
@@ -71,9 +71,9 @@ class AttackedObjects:
 def _follow(
     watched: _Watched,
     frame: Frame,
-    seen: Mapping[int, FollowedObject],
+    seen: Mapping[tuple[str, int], FollowedObject],
     verdict: Verdict,
-    past: Mapping[int, Sequence[Shot]],
+    past: Mapping[tuple[str, int], Sequence[Shot]],
 ) -> None:
     label, stamp_ns = watched.label, frame.stamp_ns
     named = [o for o in seen.values() if o.view.source in label.sources and o.view.name == label.object]
@@ -111,7 +111,7 @@ def _note(watched: _Watched, one: FollowedObject | None, verdict: Verdict) -> No
         if view.detected_px is not None:
             watched.reported += 1
             watched.called.add(view.told_label)
-            watched.other_ids |= {one.told_id} - {"", label.object}
+            watched.other_ids |= {one.view.told_id} - {"", label.object}
             watched.least_overlap = min(watched.least_overlap, box_iou(view.box_px, view.detected_px))
     for result in verdict.checks:
         if ALERT_OF_CHECK.get(result.check) is label.alert and result.source in label.sources:
@@ -132,7 +132,7 @@ def _film(watched: _Watched) -> Film:
     return Film(
         alert=alert, raised_ns=None, label=one.view.label, told_label=one.view.told_label, attack=label,
         told_id=next(iter(sorted(watched.other_ids)), ""),
-        shots=tuple(watched.shots), since_ns=one.since_ns, why=_why(watched, one),
+        shots=tuple(watched.shots), since_ns=one.view.met_ns, why=_why(watched, one),
     )  # fmt: skip
 
 

@@ -134,7 +134,7 @@ class _Open:
     """A film that is still being taken."""
 
     film: Film
-    key: int
+    key: tuple[str, int]
     shots: list[Shot]
     left: int = _AFTER
 
@@ -149,12 +149,12 @@ class FilmRecorder:
     ()
     """
 
-    _past: dict[int, deque[Shot]] = field(default_factory=dict)
+    _past: dict[tuple[str, int], deque[Shot]] = field(default_factory=dict)
     _open: list[_Open] = field(default_factory=list)
     _done: list[Film] = field(default_factory=list)
 
     @property
-    def past(self) -> Mapping[int, Sequence[Shot]]:
+    def past(self) -> Mapping[tuple[str, int], Sequence[Shot]]:
         """The last shots of every object of the last frame, by its key."""
         return self._past
 
@@ -173,7 +173,7 @@ class FilmRecorder:
             if found is not None and len(self._open) + len(self._done) < _MOST_FILMS:
                 film = Film(
                     alert=alert, raised_ns=verdict.stamp_ns, label=found.view.label,
-                    told_label=found.view.told_label, told_id=found.told_id, since_ns=found.since_ns, shots=(),
+                    told_label=found.view.told_label, told_id=found.view.told_id, since_ns=found.view.met_ns, shots=(),
                 )  # fmt: skip
                 self._open.append(_Open(film, found.key, list(self._past[found.key])))
 
@@ -259,7 +259,7 @@ def _place_late(shots: deque[Shot], one: FollowedObject) -> None:
     view = one.view
     if one.told_px:
         nearest = _nearest(shots, one.message_ns)
-        shots[nearest] = replace(shots[nearest], told_px=one.told_px, told_id=one.told_id)
+        shots[nearest] = replace(shots[nearest], told_px=one.told_px, told_id=one.view.told_id)
     if view.detected_px is None:
         return
     nearest = _nearest(shots, view.told_ns)

@@ -174,10 +174,10 @@ def _of_object(view: View, alert: Alert, one: FollowedObject | None) -> Snapshot
             since_ns=view.frame.stamp_ns,
             displacement_px=_median_length(expected - observed),
             object=found,
-            told_id="" if one is None else one.told_id,
+            told_id="" if one is None else one.view.told_id,
             elsewhere_px=None
             if one is None
-            else elsewhere_px(alert.object, one.told_id, one.told_px, one.view.box_px),
+            else elsewhere_px(alert.object, one.view.told_id, one.told_px, one.view.box_px),
         )
     )
 
