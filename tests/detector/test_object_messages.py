@@ -184,3 +184,37 @@ def test_an_image_without_pixels_in_the_boxes_is_survived():
             k, blank, message(k * FRAME_NS, told([-50, -50, 2, 2]), told([WIDTH - 1, 0, WIDTH + 90, 90], "8"))
         )
     assert watch.alerts == []
+
+
+def test_who_takes_a_hidden_object_s_id_is_not_forgotten_with_it():
+    watch, image = Watch(), BACKGROUND[:, :WIDTH].copy()
+    place(image, PATCH, 60, 130)
+    place(image, texture(9, SIDE, SIDE), 300, 130)
+    x, y = ([left, 130.0, left + SIDE, 130.0 + SIDE] for left in (60.0, 300.0))
+    for k in range(40):
+        if k < 20:
+            detections = [told(watch.near(x), "5"), told(watch.near(y), "6")]
+        else:
+            detections = [told(watch.near(y if k == 20 else x), "5")]
+        watch.step(k, with_noise(image, k), message(k * FRAME_NS, *detections))
+    assert [alert[1] for alert in watch.alerts] == ["obstacle_hiding"]
+    assert np.abs(next(t for t in watch.stream.tracks if t.hiding.accused).box_px - y).max() < 8.0
+
+
+def test_a_flood_of_boxes_makes_nothing_forgotten():
+    watch, scene = Watch(), Scene(speed=0.0)
+    for k in range(40):
+        detections = [told(watch.near(scene.box(k)))] if k < 20 else []
+        if k == 20:
+            detections = [told([2 * i, 10, 2 * i + 200, 210], f"f{i}") for i in range(70)]
+        watch.step(k, scene.image(k), message(k * FRAME_NS, *detections))
+    assert ("obstacle_hiding", "7") in [alert[1:] for alert in watch.alerts]
+
+
+@pytest.mark.parametrize("first_ns", [-5_000_000_000, -1_000_000])
+def test_the_rate_of_messages_is_that_of_most(first_ns):
+    watch, scene = Watch(), Scene(speed=1.0)
+    for k in range(12):
+        stamps = [first_ns, 0] if k == 0 else [k * FRAME_NS]
+        watch.step(k, scene.image(k), *(message(t, told(watch.near(scene.box(k)))) for t in stamps))
+    assert watch.stream.interval_s == pytest.approx(0.1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +21,7 @@ from belie.types import Detection, DetectionClaim
 
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
+_STEPS = 9  # messages from which their rate is told
 _NO_ID = "-1"  # of trackers that have none to give
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
@@ -58,6 +59,7 @@ class ObjectStream:
     missed: Habit = field(init=False)
     misnamed: Habit = field(init=False)
     _made: int = 0
+    _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -115,10 +117,9 @@ class ObjectStream:
 
     def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
         if self.last_ns is not None:
-            step_s = min((claim.stamp_ns - self.last_ns) * 1e-9, _SLOWEST_S)
-            # One long pause is no slower rate.
-            known_s = self.interval_s or step_s
-            self.interval_s = known_s + 0.1 * (min(step_s, 3.0 * known_s) - known_s)
+            self._steps_s.append(min((claim.stamp_ns - self.last_ns) * 1e-9, _SLOWEST_S))
+            # The (lower) median: a pause is no slower rate, and two messages at once are no faster one.
+            self.interval_s = sorted(self._steps_s)[(len(self._steps_s) - 1) // 2]
         self.last_ns = claim.stamp_ns
         if claim.detections:
             self.unboxed = sum(_has_no_box(d) for d in claim.detections)
@@ -154,7 +155,11 @@ class ObjectStream:
                 track.cover.tell(track.hidden_then)
         self._name([self.tracks[i] for i in found], {self.tracks[i].name for i in lost})
         self._drop_doubles({id(self.tracks[i]) for i in found})
-        for j in sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j])):
+        unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
+        for n, j in enumerate(unknown):
+            if not self._has_room(longer_side(boxes[j])):
+                self.unfollowed = len(unknown) - n
+                break
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
         self._share_out()
 
@@ -166,7 +171,7 @@ class ObjectStream:
                 track.name = track.track_id
 
     def _drop_doubles(self, told: set[int]) -> None:
-        """Let go of a place where an id was told of for a while, once it is back at the object that bore it before.
+        """Let go of a place that was met under an id that was another's, once that is back where it was before.
 
         Such a place was an error or a lie, and what is seen there is something else: nobody hides it.
         """
@@ -174,10 +179,12 @@ class ObjectStream:
         for track in self.tracks:  # in the order in which they were met
             if track.track_id:
                 first.setdefault(track.track_id, track)
-        self.tracks = [
-            t for t in self.tracks
-            if id(t) in told or not t.track_id or first[t.track_id] is t or id(first[t.track_id]) not in told
-        ]  # fmt: skip
+
+        def is_double(track: ObjectTrack) -> bool:
+            bearer = first.get(track.track_id, track)
+            return bearer is not track and id(bearer) in told and track.born_id == track.track_id
+
+        self.tracks = [track for track in self.tracks if id(track) in told or not is_double(track)]
 
     def _share_out(self) -> None:
         """Give every object its share of the false alarms."""
@@ -336,9 +343,6 @@ class ObjectStream:
     def _meet(
         self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
     ) -> None:
-        if len(self.tracks) >= self.settings.most_objects and not self._make_room(longer_side(box)):
-            self.unfollowed += 1
-            return
         self._made += 1
         track = ObjectTrack(
             name=f"#{self._made}" if self._is_taken(detection.track_id) else detection.track_id,
@@ -349,6 +353,7 @@ class ObjectStream:
             naming=ErrorTest(self.misnamed),
             number=self._made,
             met_ns=stamp_ns,
+            born_id=detection.track_id,
         )
         track.weight = _weight(detection.score) * _sight(box)
         track.votes[self.settings.classes.of(detection.label)] = track.weight
@@ -360,10 +365,13 @@ class ObjectStream:
     def _is_taken(self, name: str) -> bool:
         return not name or any(track.name == name for track in self.tracks)
 
-    def _make_room(self, side_px: float) -> bool:
-        """Let go of the smallest object that nothing is suspected of, if it is much smaller than a new one."""
-        idle = [t for t in self.tracks if not (t.hiding.errors or t.naming.errors or t.phantom.accused)]
-        smallest = min(idle, key=self._side, default=None)
+    def _has_room(self, side_px: float) -> bool:
+        """Whether another object can be followed; the smallest unproven one may have to go for a much larger one."""
+        if len(self.tracks) < self.settings.most_objects:
+            return True
+        # What is established stays: else one message full of boxes would make everything forgotten.
+        unproven = (t for t in self.tracks if t.weight < self.settings.established)
+        smallest = min(unproven, key=self._side, default=None)
         if smallest is None or _NEARER * self._side(smallest) > side_px:
             return False
         self.tracks.remove(smallest)

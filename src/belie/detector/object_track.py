@@ -42,6 +42,7 @@ class ObjectTrack:
     naming: ErrorTest
     number: int = 0  # in the order in which its detector's objects were met
     met_ns: int = 0  # stamp of the message that first told of it
+    born_id: str = ""  # its track id in that message
     corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     places: FloatArray = field(
         default_factory=lambda: np.empty((0, 2))

@@ -29,6 +29,10 @@ class ObjectView:
         What the detector last called it, and its track id in the message of this frame, if that tells of it.
     misnamed : bool
         Whether that does not fit.
+    is_established : bool
+        Whether it was told of often and surely enough that its absence, or another name, means anything.
+    is_swapped : bool
+        Whether it is misnamed by bearing another object's track id.
     box_px : array (4,)
         Where its own pixels say that it is: left, top, right, bottom edge.
     detected_px : array (4,) or None
@@ -58,9 +62,11 @@ class ObjectView:
     number: int = 0
     met_ns: int = 0
     told_id: str = ""
+    is_established: bool = False
+    is_swapped: bool = False
 
 
-def view_of(track: ObjectTrack, source: str, *, heard: bool) -> ObjectView:
+def view_of(track: ObjectTrack, source: str, *, heard: bool, is_established: bool) -> ObjectView:
     """The view of a track; `heard`: whether a message of its detector was judged at this frame."""
     motion = track.motion
     none = np.empty((0, 2))
@@ -80,6 +86,8 @@ def view_of(track: ObjectTrack, source: str, *, heard: bool) -> ObjectView:
         number=track.number,
         met_ns=track.met_ns,
         told_id="" if track.told_px is None else track.told_id,
+        is_established=is_established,
+        is_swapped=track.called.startswith("id "),
     )
 
 

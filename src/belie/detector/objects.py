@@ -45,7 +45,12 @@ class ObjectStage:
     def views(self) -> tuple[ObjectView, ...]:
         """All objects as they stand after the last frame."""
         return tuple(
-            view_of(track, stream.source, heard=stream.heard)
+            view_of(
+                track,
+                stream.source,
+                heard=stream.heard,
+                is_established=track.weight >= self._settings.established,
+            )
             for stream in self.streams.values()
             for track in stream.tracks
         )

@@ -148,7 +148,7 @@ class VisualOdometry:
         self._anchor = np.empty((0, 2))
         self._strong = np.empty(0, dtype=bool)
         self._other: OtherMotion | None = None
-        self._confirmed = 0
+        self._confirmed = 0.0
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
@@ -400,7 +400,8 @@ class VisualOdometry:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
         elif had_scale and self._other is None and self._confirmed < _CONFIRMED:
-            self._confirmed += direction_error(pose, covariance) < KNOWN_RAD
+            # Images that are less sure count for less, as information adds up; on a bare highway all of them are.
+            self._confirmed += (KNOWN_RAD / max(direction_error(pose, covariance), KNOWN_RAD)) ** 2
             if self._moves(typical_px):
                 reason, agreeing = _NEW_MAP, 0
         return VisualEstimate(
