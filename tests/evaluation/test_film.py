@@ -174,7 +174,7 @@ def test_a_swap_names_the_ids_and_stays_with_its_object(made_run):
     far = np.array([112.0, 30.0, 150.0, 50.0])
 
     def views(k):
-        named = {"misnamed": k < 30} if k >= 20 else {}
+        named = {"misnamed": k < 30, "is_swapped": k < 30} if k >= 20 else {}
         names = ("7", "8") if k < 30 else ("8", "7")  # when the lie is believed
         return (
             view(k, names[0], told=k, number=7, told_id="7" if k < 20 else "8", **named),

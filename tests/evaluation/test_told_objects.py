@@ -1,5 +1,7 @@
 """What detectors told: counts, labels, and which objects nothing could be said of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,12 @@ from belie.types import Detection, DetectionClaim
 SIZE = (640, 480)
 
 
-def view(name, box_px=(100, 100, 160, 140), corners=9, status="reported"):
+def view(name, box_px=(100, 100, 160, 140), corners=9, status="reported", established=True):
     corners_px = np.zeros((corners, 2))
     return ObjectView(
         source="/d", name=name, label="car", told_label="car", misnamed=False, box_px=np.array(box_px, float),
         detected_px=None, told_ns=0, predicted_px=corners_px, observed_px=corners_px, error_px2=None, status=status,
+        number=int(name), is_established=established,
     )  # fmt: skip
 
 
@@ -39,7 +42,7 @@ def test_an_object_that_can_be_judged_once_is_judged():
         ({"box_px": (100, 100, 120, 110)}, "smaller than 24 px"),
         ({"box_px": (-60, 100, 60, 160)}, "less than 70% of it in the image"),
         ({"corners": 3}, "fewer than 4 corners that move with it"),
-        ({"status": "not told"}, "told of in fewer than 3 messages"),
+        ({"established": False}, "told of too seldom or unsurely"),
     ],
 )
 def test_an_object_that_never_can_be_says_why(changes, why):
@@ -50,8 +53,11 @@ def test_an_object_that_never_can_be_says_why(changes, why):
 
 def test_where_an_object_could_not_be_judged_is_told():
     leaving = view("1", box_px=(-60, 100, 60, 160), status="missing")
-    found = told(*[[view("1"), view("2")]] * 4, [leaving, view("2")], [view("1", status="not told")])
-    # Each is asked of from its third message on; frames without a message do not count.
+    new = [view("1", established=False), view("2", established=False)]
+    found = told(
+        new, new, *[[view("1"), view("2")]] * 2, [leaving, view("2")], [view("1", status="not told")]
+    )
+    # Each is asked of once it is established; frames without a message do not count.
     assert (found.asked, found.unjudged, found.withheld) == (6, {}, {"less than 70% of it in the image": 1})
     assert found.in_words().endswith(
         "2 could be judged but for 17% of their messages (mainly: less than 70% of it in the image)"
@@ -72,3 +78,9 @@ def test_labels_are_those_under_which_objects_came():
     assert (found.messages, found.boxes, found.labels["car"]) == (3, 9, 3)
     assert found.ungrouped(ClassGroups()) == {"Wombat": 3}
     assert found.unjudged is None
+
+
+def test_an_object_under_running_ids_is_one():
+    new = [replace(view("1", established=False), name=str(k)) for k in range(9)]
+    found = told(*[[each] for each in new], [view("1")])
+    assert (found.objects, found.unjudged) == (1, {})

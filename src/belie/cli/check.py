@@ -132,7 +132,9 @@ def check(
             write(verdict)
             advance()
 
-        run = run_detector(recording, settings, labels=truth, on_verdict=on_verdict)
+        run = run_detector(
+            recording, settings, labels=truth, on_verdict=on_verdict, pictures=report is not None
+        )
     if report is not None:  # before the table: whoever reads that through `head` hangs up
         _write_report(run, report, truth)
     print_summary(run, labels=truth, to_stderr=json == STDOUT)

@@ -43,6 +43,7 @@ class AlertBook:
     def raise_new(self, judgements: list[Judgement], stamp_ns: int) -> tuple[Alert, ...]:
         """Alerts for contradictions that did not stand before this frame."""
         now: dict[tuple[AlertType, str, str | None], int] = {}
+        because: dict[tuple[AlertType, str, str | None], list[str]] = {}
         undecided: set[tuple[AlertType, str, str | None]] = set()
         for judgement in judgements:
             result = judgement.result
@@ -50,12 +51,19 @@ class AlertBook:
             if result.status is Status.CONTRADICTED:
                 onset = stamp_ns if judgement.onset_ns is None else judgement.onset_ns
                 now[key] = min(onset, now.get(key, onset))
+                because.setdefault(key, []).append(result.reason)
             elif result.status is Status.UNDECIDED:
                 undecided.add(key)
         alerts = tuple(
-            Alert(type=kind, source=source, onset_ns=onset, object=name)
-            for (kind, source, name), onset in now.items()
-            if (kind, source, name) not in self._standing
+            Alert(
+                type=key[0],
+                source=key[1],
+                onset_ns=onset,
+                object=key[2],
+                because="; ".join(dict.fromkeys(because[key])),
+            )
+            for key, onset in now.items()
+            if key not in self._standing
         )
         # An accusation stands while it cannot be tested: dark frames do not acquit; and a check that is undecided
         # without naming an object is so about all of them.

@@ -6,17 +6,21 @@ the life cycle is the check. What is left is an assignment, and scipy solves it.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from belie.geometry import FloatArray
 from belie.geometry.boxes import overlaps
+from belie.types import Detection
 
 LEAST_OVERLAP = (
     0.25  # of a detection and its object (IoU); 0.25 is a shift by 60 % of the side along one axis
 )
+_NO_ID = "-1"  # of trackers that have none to give
 _SAME_ID = 0.3  # what an equal track id is worth, in IoU
 # Of an object and a detection under another id that does not hold its corners. Edges that are each 5 % of the side off
 # (detector and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is what stands behind.
@@ -49,3 +53,16 @@ def assign(
     fits = iou >= least
     rows, columns = linear_sum_assignment(np.where(fits, iou + _SAME_ID * same, 0.0), maximize=True)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if fits[r, c]}
+
+
+def named(detections: Sequence[Detection]) -> list[Detection]:
+    """Detections whose ids name something: an id that several bear, or that stands for none, is none.
+
+    >>> cars = [Detection(label="car", score=0.9, track_id=i, box_px=np.array([0.0, 0, 9, 9])) for i in "0017"]
+    >>> [d.track_id for d in named(cars)]
+    ['', '', '1', '7']
+    """
+    times = Counter(d.track_id for d in detections)
+    return [
+        replace(d, track_id="") if times[d.track_id] > 1 or d.track_id == _NO_ID else d for d in detections
+    ]

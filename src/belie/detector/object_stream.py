@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
-from belie.detector.association import assign
+from belie.detector.association import assign, named
 from belie.detector.covering import Covering
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
@@ -22,7 +22,6 @@ from belie.types import Detection, DetectionClaim
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
 _STEPS = 9  # messages from which their rate is told
-_NO_ID = "-1"  # of trackers that have none to give
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
@@ -124,7 +123,7 @@ class ObjectStream:
         if claim.detections:
             self.unboxed = sum(_has_no_box(d) for d in claim.detections)
         self.unfollowed = 0
-        told = [(d, box) for d in _named(claim.detections) if (box := self._box(d)) is not None]
+        told = [(d, box) for d in named(claim.detections) if (box := self._box(d)) is not None]
         boxes = np.array([box for _, box in told]).reshape(-1, 4)
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         found = assign(
@@ -376,19 +375,6 @@ class ObjectStream:
             return False
         self.tracks.remove(smallest)
         return True
-
-
-def _named(detections: Sequence[Detection]) -> list[Detection]:
-    """Detections whose ids name something: an id that several bear, or that stands for none, is none.
-
-    >>> cars = [Detection(label="car", score=0.9, track_id=i, box_px=np.array([0.0, 0, 9, 9])) for i in "0017"]
-    >>> [d.track_id for d in _named(cars)]
-    ['', '', '1', '7']
-    """
-    times = Counter(d.track_id for d in detections)
-    return [
-        replace(d, track_id="") if times[d.track_id] > 1 or d.track_id == _NO_ID else d for d in detections
-    ]
 
 
 def _has_no_box(detection: Detection) -> bool:

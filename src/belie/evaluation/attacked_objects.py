@@ -86,7 +86,7 @@ def _follow(
     if one is not None:
         watched.one = one
         watched.shots = _joined([] if is_before else watched.shots, past[one.key])
-    elif watched.one is not None and not is_before:
+    elif watched.one is not None and not is_before and len(watched.shots) < _MOST_SHOTS:
         watched.shots.append(bare_shot(frame, watched.one.view.box_px, verdict.frame))
     del watched.shots[_MOST_SHOTS:]
     watched.after += is_over
@@ -111,7 +111,7 @@ def _note(watched: _Watched, one: FollowedObject | None, verdict: Verdict) -> No
         if view.detected_px is not None:
             watched.reported += 1
             watched.called.add(view.told_label)
-            watched.other_ids |= {one.view.told_id} - {"", label.object}
+            watched.other_ids |= {view.told_id} - {"", label.object}
             watched.least_overlap = min(watched.least_overlap, box_iou(view.box_px, view.detected_px))
     for result in verdict.checks:
         if ALERT_OF_CHECK.get(result.check) is label.alert and result.source in label.sources:
@@ -131,7 +131,7 @@ def _film(watched: _Watched) -> Film:
     alert = Alert(type=label.alert, source=one.view.source, onset_ns=label.onset_ns, object=label.object)
     return Film(
         alert=alert, raised_ns=None, label=one.view.label, told_label=one.view.told_label, attack=label,
-        told_id=next(iter(sorted(watched.other_ids)), ""),
+        told_id=next(iter(sorted(watched.other_ids)), ""), is_swapped=bool(watched.other_ids),
         shots=tuple(watched.shots), since_ns=one.view.met_ns, why=_why(watched, one),
     )  # fmt: skip
 

@@ -123,7 +123,7 @@ def calibrate(
     judge = changed(config, {("profile",): "default"})
     careful = learn_habits(parts, judge, advance, from_accused=False).config
     for recording in recordings:
-        _require_no_alerts(run_detector(recording, careful, on_verdict=lambda _: advance()))
+        _require_no_alerts(run_detector(recording, careful, on_verdict=lambda _: advance(), pictures=False))
     habits = learn_habits(parts, judge, advance)
     if config.profile == "default":
         config = habits.config
@@ -135,7 +135,7 @@ def calibrate(
         notes, seen = {**habits.notes, **notes, **more}, [*habits.words, *seen]
     ratios: dict[str, float] = {}
     for part in parts:
-        run = run_detector(part.recording, calibrated, on_verdict=lambda _: advance())
+        run = run_detector(part.recording, calibrated, on_verdict=lambda _: advance(), pictures=False)
         for name, ratio in _held_out_ratios(run, part.until_ns).items():
             ratios[name] = max(ratio, ratios.get(name, 0.0))
         _require_proof(run, part.until_ns)
@@ -154,7 +154,9 @@ def _beyond_noise(
 ) -> tuple[Config, dict[str, str], list[str]]:
     """A stricter stated rate where the tails ask for it; and clocks, correlations and tails in words."""
     words = [note.in_words() for note in stream_notes(parts, config, advance)]
-    found = tails([run_detector(part, config, on_verdict=lambda _: advance()) for part in parts])
+    found = tails(
+        [run_detector(part, config, on_verdict=lambda _: advance(), pictures=False) for part in parts]
+    )
     words += [tail.in_words() for tail in found]
     stricter, why = tightened(found, config)
     return changed(config, stricter), why, words

@@ -92,7 +92,7 @@ def _backed_off(
 
 
 def _largest_ratio(part: TeachingPart, config: Config, advance: Callable[[], None]) -> float:
-    run = run_detector(part, config, on_verdict=lambda _: advance())
+    run = run_detector(part, config, on_verdict=lambda _: advance(), pictures=False)
     return max(
         (float(np.nanmax(c.ratio)) for c in run.trace.checks if np.isfinite(c.ratio).any()), default=0.0
     )
@@ -125,7 +125,7 @@ def _noise_factors(
             for key, ratios in detector.noise_scales().items():
                 seen.setdefault(key, []).append(ratios)
 
-        run_detector(part, measuring, detector=detector, on_verdict=note)
+        run_detector(part, measuring, detector=detector, on_verdict=note, pictures=False)
         for key, ratios in seen.items():
             check = key.partition(":")[0]
             settled = ratios[min(len(ratios) // 2, config.noise.memory_frames) :]

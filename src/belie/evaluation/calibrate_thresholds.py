@@ -38,7 +38,7 @@ def learn_thresholds(
     belie.types.errors.RecordingError: the paper's checks gave no value to learn a threshold from; \
 is there an odometry?
     """
-    runs = [run_detector(part, config, on_verdict=lambda _: advance()) for part in parts]
+    runs = [run_detector(part, config, on_verdict=lambda _: advance(), pictures=False) for part in parts]
     changes: dict[SettingPath, object] = {}
     error = _tail_threshold(runs, "odometry", config)
     if error is not None:

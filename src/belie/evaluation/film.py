@@ -76,13 +76,9 @@ class Film:
     shots: tuple[Shot, ...]
     since_ns: int = 0  # when the object was first seen
     told_id: str = ""
+    is_swapped: bool = False  # it had another object's track id when the alert was raised
     attack: AttackLabel | None = None
     why: str = ""
-
-    @property
-    def is_swapped(self) -> bool:
-        """Whether the object had another's track id when the alert was raised."""
-        return self.told_id not in ("", self.alert.object)
 
     def elsewhere_px(self, shot: Shot) -> FloatArray | None:
         """Where the message of a shot tells of the track id that is at issue, if not on this object: shape (4,)."""
@@ -173,7 +169,8 @@ class FilmRecorder:
             if found is not None and len(self._open) + len(self._done) < _MOST_FILMS:
                 film = Film(
                     alert=alert, raised_ns=verdict.stamp_ns, label=found.view.label,
-                    told_label=found.view.told_label, told_id=found.view.told_id, since_ns=found.view.met_ns, shots=(),
+                    told_label=found.view.told_label, told_id=found.view.told_id, is_swapped=found.view.is_swapped,
+                    since_ns=found.view.met_ns, shots=(),
                 )  # fmt: skip
                 self._open.append(_Open(film, found.key, list(self._past[found.key])))
 

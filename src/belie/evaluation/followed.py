@@ -65,14 +65,15 @@ def accused(objects: Iterable[FollowedObject], alert: Alert) -> FollowedObject |
 
     Two may bear its name: of these, hiding means the one that is not told of, injection the one that is.
     """
-    named = [o for o in objects if (o.view.source, o.view.name) == (alert.source, alert.object)]
+    of_source = [o for o in objects if o.view.source == alert.source]
+    named = [o for o in of_source if o.view.name == alert.object]
     match alert.type:
         case AlertType.OBSTACLE_HIDING:
             meant = [o for o in named if o.view.status != "reported"]
         case AlertType.OBJECT_MISCLASSIFICATION:
             meant = [o for o in named if o.view.misnamed]
         case _:
-            meant = [o for o in named if o.view.status == "reported"][-1:]
+            meant = [o for o in of_source if o.view.told_id == alert.object] or named[-1:]
     return next(iter(meant or named), None)
 
 

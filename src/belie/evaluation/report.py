@@ -91,7 +91,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
         "films": [film_content(run, film, k) for k, film in enumerate(films)],
-        "unseen": [words.unseen(label) for label in missed if _is_unseen(run, label)],
+        "unseen": [words.unseen(label, run.profile) for label in missed if _is_unseen(run, label)],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
         "undecided_share": run.trace.share(Status.UNDECIDED),

@@ -242,10 +242,12 @@ def way(from_px: FloatArray, to_px: FloatArray) -> str:
     return f"{abs(down):.0f} px {'below' if down > 0 else 'above'}"
 
 
-def unseen(label: AttackLabel) -> str:
+def unseen(label: AttackLabel, profile: str) -> str:
     """Why a missed attack on objects has no picture."""
     why = (
-        "its label names no object (all were attacked, or the detector gives no track ids)"
+        "this profile keeps none of objects"
+        if profile == "paper"
+        else "its label names no object (all were attacked, or the detector gives no track ids)"
         if label.object is None
         else f"belie did not follow object {label.object}: it knows none that it was never told of"
     )

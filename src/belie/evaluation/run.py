@@ -195,6 +195,7 @@ def run_detector(
     detector: FrameChecker | None = None,
     labels: Iterable[AttackLabel] | None = None,
     on_verdict: Callable[[Verdict], None] | None = None,
+    pictures: bool = True,
 ) -> Run:
     """Check a recording from its first frame to its last; memory stays flat.
 
@@ -210,6 +211,8 @@ def run_detector(
         What was attacked, if it is known: the report can then show objects whose attack raised no alert.
     on_verdict : callable, optional
         Is given every verdict as soon as it is there.
+    pictures : bool
+        Whether to keep those that a report shows; of thirty objects they cost as much as half of their checks.
 
     Raises
     ------
@@ -249,14 +252,15 @@ def run_detector(
             objects = follower.add(step.frame, step.claims, detector.objects)
             found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
             alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
-            films.add(step.frame, objects, verdict)
             told.hear(step.claims)
             told.see(detector.objects, (step.frame.image.shape[1], step.frame.image.shape[0]))
-            attacked.add(step.frame, objects, verdict, films.past)
-            view = View(
-                number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
-            )
-            snapshots.add(view, verdict, detector.estimate, objects)
+            if pictures:
+                films.add(step.frame, objects, verdict)
+                attacked.add(step.frame, objects, verdict, films.past)
+                view = View(
+                    number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
+                )
+                snapshots.add(view, verdict, detector.estimate, objects)
             if on_verdict is not None:
                 on_verdict(verdict)
     finished = trace.finish()

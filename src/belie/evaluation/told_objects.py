@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from belie.checks.objects import ObjectSettings
 from belie.checks.objects.class_groups import ClassGroups
 from belie.detector import ObjectView
+from belie.detector.association import named
 from belie.detector.covering import LEAST_CORNERS
 from belie.detector.object_track import in_view
 from belie.geometry.boxes import longer_side
 from belie.types import Claim, DetectionClaim
-
-_ESTABLISHED = 3  # messages of a sure detector that come to `ObjectSettings.established`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +88,6 @@ def _main(reasons: Mapping[str, int]) -> str:
 class _Object:
     """How far one object came on the way to a judgement; None in `lacks` where it once came to its end."""
 
-    told: int = 0
     passed: int = -1
     lacks: str | None = ""
     asked: int = 0
@@ -102,7 +100,7 @@ class _Stream:
     boxes: int = 0
     first_labels: dict[str, str] = field(default_factory=dict)
     labels: Counter[str] = field(default_factory=Counter)
-    objects: dict[str, _Object] = field(default_factory=dict)
+    objects: dict[int, _Object] = field(default_factory=dict)
 
 
 class ToldObjectsRecorder:
@@ -139,7 +137,7 @@ class ToldObjectsRecorder:
             stream = self._streams.setdefault(claim.source, _Stream())
             stream.messages += 1
             stream.boxes += len(claim.detections)
-            for detection in claim.detections:
+            for detection in named(claim.detections):
                 label = detection.label
                 if detection.track_id:
                     label = stream.first_labels.setdefault(detection.track_id, label)
@@ -148,11 +146,12 @@ class ToldObjectsRecorder:
     def see(self, views: Iterable[ObjectView], size: tuple[int, int]) -> None:
         """Take in the objects after a frame of (width, height)."""
         for view in views:
-            known = self._streams.setdefault(view.source, _Stream()).objects.setdefault(view.name, _Object())
-            known.told += view.status == "reported"
+            known = self._streams.setdefault(view.source, _Stream()).objects.setdefault(
+                view.number, _Object()
+            )
             if self._settings is None:
                 continue
-            asked = _asked(self._settings, view, known.told, size)
+            asked = _asked(self._settings, view, size)
             passed = next((index for index, (holds, _) in enumerate(asked) if not holds), None)
             if passed is None:
                 known.lacks = None
@@ -183,10 +182,10 @@ class ToldObjectsRecorder:
         )
 
 
-def _asked(s: ObjectSettings, view: ObjectView, told: int, size: tuple[int, int]) -> list[tuple[bool, str]]:
+def _asked(s: ObjectSettings, view: ObjectView, size: tuple[int, int]) -> list[tuple[bool, str]]:
     """What must hold before an absence means anything, and what is said where it does not."""
     return [
-        (told >= _ESTABLISHED, f"told of in fewer than {_ESTABLISHED} messages"),
+        (view.is_established, "told of too seldom or unsurely"),
         (longer_side(view.box_px) >= s.least_side_px, f"smaller than {s.least_side_px:g} px"),
         (
             in_view(view.box_px, size) >= s.least_in_view,

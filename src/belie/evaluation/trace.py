@@ -18,6 +18,7 @@ from belie.types import CheckResult, Claim, PoseClaim, PositionClaim, Status, St
 STATUSES = tuple(Status)
 NOT_RUN = -1
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_MARK = "\0"  # where a number was: no label of a detector holds it
 _ABOUT_ONE = re.compile(r"^(.*) \S+ is (missing|called)\b")  # an object by label and name
 _QUANTITY = re.compile(r"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S.*)")
 
@@ -49,7 +50,7 @@ class Reasons:
     def add(self, reason: str) -> None:
         """Count a reason."""
         reason = _ABOUT_ONE.sub(r"some \1 is \2", reason, count=1)
-        kind, numbers = without_numbers(reason), _NUMBER.findall(reason)
+        kind, numbers = _NUMBER.sub(_MARK, reason), _NUMBER.findall(reason)
         self._counts[kind] += 1
         for bounds, choose in ((self._least, min), (self._greatest, max)):
             known = bounds.setdefault(kind, numbers)
@@ -59,7 +60,7 @@ class Reasons:
         """Frames by reason, with the range of each number that differs."""
         found: Counter[str] = Counter()
         for kind, frames in self._counts.items():
-            between, *after = kind.split("…")
+            between, *after = kind.split(_MARK)
             for least, greatest, text in zip(self._least[kind], self._greatest[kind], after, strict=True):
                 between += (least if least == greatest else f"{least} to {greatest}") + text
             found[between] += frames

@@ -96,6 +96,7 @@ class AlertRecorder:
             key = (alert.type, alert.source, alert.object)
             result = contradicted.get(key)
             check, reason = ("", "") if result is None else (result.check, result.reason)
+            reason = alert.because or reason  # which detectors of others do not tell
             label = (labels or {}).get((alert.source, alert.object or ""), "")
             self._open[self._number] = _Open(key, raised, check, reason, verdict.stamp_ns, label)
             self._number += 1

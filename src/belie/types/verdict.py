@@ -72,13 +72,15 @@ class CheckResult:
 class Alert:
     """An accusation, raised once: which stream lies, how, and since when.
 
-    ``onset_ns`` is our estimate of when the lie began (for a CUSUM: the last time it was zero).
+    ``onset_ns`` is our estimate of when the lie began (for a CUSUM: the last time it was zero); ``because``: for a
+    person, what was seen when it was raised.
     """
 
     type: AlertType
     source: str
     onset_ns: int
     object: str | None = None
+    because: str = field(default="", compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The JSON object of the contract (design, section 4)."""
@@ -104,21 +106,5 @@ class Verdict:
             "status": self.status.value,
             "latency_ms": round(self.latency_ms, 3),
             "checks": [check.to_json() for check in self.checks],
-            "alerts": [{**alert.to_json(), "because": self.because(alert)} for alert in self.alerts],
+            "alerts": [alert.to_json() for alert in self.alerts],
         }
-
-    def because(self, alert: Alert) -> str:
-        """What the checks say that contradict an alert's stream, or its object, in this frame.
-
-        >>> lie = CheckResult(check="imu", source="/imu", status=Status.CONTRADICTED, reason="turns too fast")
-        >>> alert = Alert(type=AlertType.ODOMETRY_SPOOFING, source="/imu", onset_ns=0)
-        >>> Verdict(frame=0, stamp_ns=0, status=lie.status, latency_ms=1.0, checks=(lie,)).because(alert)
-        'turns too fast'
-        """
-        reasons = (
-            check.reason
-            for check in self.checks
-            if check.status is Status.CONTRADICTED
-            and (check.source, check.object) == (alert.source, alert.object)
-        )
-        return "; ".join(dict.fromkeys(reasons))

@@ -173,13 +173,14 @@ def _alerts(rival: Rival, answer: object) -> tuple[Alert, ...]:
 
 
 def _unexplained(scored: Score, labels: Sequence[AttackLabel]) -> list[RaisedAlert]:
-    """Alerts within an attack that are of another kind, source or object."""
+    """Alerts within an attack that are of another kind, source or object; not those about honest frames after it."""
     return [
-        *scored.wrong_attributions,
+        *(one for one in scored.wrong_attributions if one not in scored.aftermath),
         *(
             one
             for one in scored.false_alerts
-            if any(label.start_ns <= one.stamp_ns <= label.end_ns + _GRACE_NS for label in labels)
+            if one not in scored.aftermath
+            and any(label.start_ns <= one.stamp_ns <= label.end_ns + _GRACE_NS for label in labels)
         ),
     ]
 

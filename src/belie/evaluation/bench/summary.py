@@ -244,7 +244,7 @@ def delay_table(suite: Suite, records: Sequence[RunRecord], makers: Mapping[str,
                 continue
             before = sum(len(r.before_onset) for r in own)
             during = sum(r.during for r in own)
-            after = sum(len(set(r.aftermath) - set(r.wrong)) for r in own)
+            after = sum(len(r.aftermath) for r in own)
             rows.append(
                 (
                     rival, goal, f"{median(frames):g} / {np.percentile(frames, 95):.0f}" if frames else NOTHING,
