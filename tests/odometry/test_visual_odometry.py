@@ -196,3 +196,13 @@ def test_a_camera_that_creeps_after_a_kick_is_not_silenced():
     creeping = [odometry.update(frame) for frame in frames(poses)][6:]
     assert all(estimate.inliers > 0 for estimate in creeping)
     assert np.median([estimate.parallax_px for estimate in creeping]) < 2.0
+
+
+def test_a_map_that_its_images_do_not_confirm_is_given_up(monkeypatch):
+    """It would be waited for till the end of the road, though the next one may be good."""
+    monkeypatch.setattr("belie.odometry.visual_odometry.direction_error", lambda *_: 0.3)
+    odometry = VisualOdometry(CAMERA)
+    estimates = [odometry.update(frame) for frame in frames(drive(30))]
+    maps = [e.map_id for e in estimates if e.reason is not None and e.reason.startswith("a new map")]
+    assert len(set(maps)) > 3
+    assert max(maps.count(each) for each in maps) <= 3

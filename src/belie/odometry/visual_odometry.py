@@ -148,7 +148,7 @@ class VisualOdometry:
         self._anchor = np.empty((0, 2))
         self._strong = np.empty(0, dtype=bool)
         self._other: OtherMotion | None = None
-        self._confirmed = 0.0
+        self._confirmed = 0
 
     def update(self, frame: Frame) -> VisualEstimate:
         """The camera's motion since the previous frame; `reason` is set where the images do not tell."""
@@ -174,6 +174,7 @@ class VisualOdometry:
         agreeing = float(pose.inliers.mean()) if pose is not None else 0.0
         if pose is None or agreeing < _LEAST_AGREEING:
             return self._lost(frame, pyramid, tried, len(found))
+        confirmed = self._confirmed
         estimate = self._answer(frame, previous_ns, tried, rays, found, current, predicted, pose, had_scale)
         self._learn_noise(pose)
         kept = self._corners.advance(rays, pose, found, self.settings.depth_drift)  # Γ, (3)
@@ -189,7 +190,7 @@ class VisualOdometry:
             self._unvouched = 0
             if had_scale and self._other is None and not estimate.is_still:
                 self._unit = float(np.linalg.norm(self._T_cur_prev.t)) or self._unit
-        elif estimate.reason != _NEW_MAP:
+        elif self._confirmed == confirmed:  # nor does a map that its images do not confirm get better
             self._unvouched += 1
         settled = had_scale and self._other is None and self._moves(estimate.parallax_px / self._shrink)
         astray = settled and direction_error(pose, estimate.covariance) > _UNKNOWN_RAD
@@ -400,8 +401,7 @@ class VisualOdometry:
             reason = f"all {agreeing} corners that agree lie close together: a passing vehicle, or the scene?"
             agreeing = 0
         elif had_scale and self._other is None and self._confirmed < _CONFIRMED:
-            # Images that are less sure count for less, as information adds up; on a bare highway all of them are.
-            self._confirmed += (KNOWN_RAD / max(direction_error(pose, covariance), KNOWN_RAD)) ** 2
+            self._confirmed += direction_error(pose, covariance) < KNOWN_RAD
             if self._moves(typical_px):
                 reason, agreeing = _NEW_MAP, 0
         return VisualEstimate(
