@@ -204,5 +204,5 @@ def test_a_map_that_its_images_do_not_confirm_is_given_up(monkeypatch):
     odometry = VisualOdometry(CAMERA)
     estimates = [odometry.update(frame) for frame in frames(drive(30))]
     maps = [e.map_id for e in estimates if e.reason is not None and e.reason.startswith("a new map")]
-    assert len(set(maps)) > 3
+    assert len(set(maps)) >= 3
     assert max(maps.count(each) for each in maps) <= 3
