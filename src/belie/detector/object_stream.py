@@ -11,6 +11,7 @@ import numpy as np
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
 from belie.detector.association import assign, named
 from belie.detector.covering import Covering
+from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
@@ -25,7 +26,6 @@ _STEPS = 9  # messages from which their rate is told
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
-_NEARER = 1.5  # times the side of the smallest object: what takes its place where there are too many
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
@@ -152,38 +152,16 @@ class ObjectStream:
             self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
-        self._name([self.tracks[i] for i in found], {self.tracks[i].name for i in lost})
-        self._drop_doubles({id(self.tracks[i]) for i in found})
+        here = [self.tracks[i] for i in found]
+        call_by_ids(here, {self.tracks[i].name for i in lost})
+        self.tracks = without_doubles(self.tracks, here)
         unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
         for n, j in enumerate(unknown):
-            if not self._has_room(longer_side(boxes[j])):
+            if not make_room(self.tracks, longer_side(boxes[j]), self.settings):
                 self.unfollowed = len(unknown) - n
                 break
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
         self._share_out()
-
-    def _name(self, told: Sequence[ObjectTrack], missing: set[str]) -> None:
-        """Call objects by their detector's ids; what is accused or missing keeps the name that it had."""
-        for track in told:
-            is_accused = track.naming.accused or track.hiding.accused or track.phantom.accused
-            if track.track_id and not is_accused and track.track_id not in missing:
-                track.name = track.track_id
-
-    def _drop_doubles(self, told: set[int]) -> None:
-        """Let go of a place that was met under an id that was another's, once that is back where it was before.
-
-        Such a place was an error or a lie, and what is seen there is something else: nobody hides it.
-        """
-        first: dict[str, ObjectTrack] = {}
-        for track in self.tracks:  # in the order in which they were met
-            if track.track_id:
-                first.setdefault(track.track_id, track)
-
-        def is_double(track: ObjectTrack) -> bool:
-            bearer = first.get(track.track_id, track)
-            return bearer is not track and id(bearer) in told and track.born_id == track.track_id
-
-        self.tracks = [track for track in self.tracks if id(track) in told or not is_double(track)]
 
     def _share_out(self) -> None:
         """Give every object its share of the false alarms."""
@@ -344,7 +322,7 @@ class ObjectStream:
     ) -> None:
         self._made += 1
         track = ObjectTrack(
-            name=f"#{self._made}" if self._is_taken(detection.track_id) else detection.track_id,
+            name=new_name(self.tracks, detection.track_id, self._made),
             track_id=detection.track_id,
             label=detection.label,
             box_px=box,
@@ -360,21 +338,6 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         track.renew(current, self.settings, self.scene.frame, covers)
         self.tracks.append(track)
-
-    def _is_taken(self, name: str) -> bool:
-        return not name or any(track.name == name for track in self.tracks)
-
-    def _has_room(self, side_px: float) -> bool:
-        """Whether another object can be followed; the smallest unproven one may have to go for a much larger one."""
-        if len(self.tracks) < self.settings.most_objects:
-            return True
-        # What is established stays: else one message full of boxes would make everything forgotten.
-        unproven = (t for t in self.tracks if t.weight < self.settings.established)
-        smallest = min(unproven, key=self._side, default=None)
-        if smallest is None or _NEARER * self._side(smallest) > side_px:
-            return False
-        self.tracks.remove(smallest)
-        return True
 
 
 def _has_no_box(detection: Detection) -> bool:
