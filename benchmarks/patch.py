@@ -7,19 +7,20 @@ The drives are the printed patch's of `belie bench paper` (the second line's: of
 pictures. Two ways. ``from frame 0``: as the simulator has it, the patch works in nine of ten messages from the first
 frame on, and the detector has hardly ever seen what it hides. ``from frame N`` (``--onsets N``): the robot has seen
 door and sign before the patch begins to work (it comes into view, or near enough). A hit is an alert of the right type
-that names the object.
+that names the object; what has been passed by the onset is not tried.
 """
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from contextlib import suppress
 from itertools import product
 
 from _recordings import MemoryRecording
 from _simulated import Drive, Judge, cases_of, claims_of, drive_of, drive_parser
 from belie.attacks import attack
 from belie.geometry import box_iou
-from belie.types import AlertType, DetectionClaim
+from belie.types import AlertType, AttackError, DetectionClaim
 
 PATCHES = (("door", "hide"), ("stop sign", "hide"), ("stop sign", "relabel"))
 WANTED = {"hide": AlertType.OBSTACLE_HIDING, "relabel": AlertType.OBJECT_MISCLASSIFICATION}
@@ -64,8 +65,9 @@ def main() -> None:
     delays: dict[tuple[str, str, str, int], list[int | None]] = defaultdict(list)
     for case, pictures in cases_of(parser, wanted):
         for (label, mode), start in product(PATCHES, wanted.onsets):
-            delay = found(drive_of(pictures), case.sensor_seed, label, mode, start, wanted.profile)
-            delays[case.weather, label, mode, start].append(delay)
+            with suppress(AttackError):  # it has been passed by then: nothing to attack
+                delay = found(drive_of(pictures), case.sensor_seed, label, mode, start, wanted.profile)
+                delays[case.weather, label, mode, start].append(delay)
     print("| weather | object | patch | works | found | frames to the alert |\n|---|---|---|---|---:|---|")
     for (weather, label, mode, start), tried in delays.items():
         hits = sorted(d for d in tried if d is not None)
