@@ -165,16 +165,18 @@ class PositionCheck:
             reason = "the position moved another distance than the odometry that the camera vouches for"
             return self._answer(Status.CONTRADICTED, reason, floor)
         heading = self._unaligned.heading(self._noise, unit_m)
-        if self._noise.missing_claims == 0 and heading.sigma_rad < math.radians(
-            self.settings.heading_known_deg
-        ):
+        if heading.sigma_rad >= math.radians(self.settings.heading_known_deg):
+            reason = (
+                f"the yaw between {self.source} and odometry is not observable yet: "
+                f"travelled {heading.extent_m:.1f} m, need about {heading.needed_m:.0f} m"
+            )
+        elif self._noise.missing_claims > 0:
+            reason = f"learning the noise of this stream: {self._noise.missing_claims} more claims"
+        else:
             tilt = math.radians(self.settings.tilt_sigma_deg)
             R_map_odom = so3_exp(np.array([0.0, 0.0, heading.yaw_rad]))
             self._align(R_map_odom, np.array([tilt, tilt, heading.sigma_rad]), claim, T_odom_body)
-        reason = (
-            f"the yaw between {self.source} and odometry is not observable yet: "
-            f"travelled {heading.extent_m:.1f} m, need about {heading.needed_m:.0f} m"
-        )
+            reason = "aligned with the odometry by this claim, and judged from the next one on"
         return self._answer(Status.UNDECIDED, reason, floor)
 
     def _test_innovation(self, alignment: Alignment, claim: PositionClaim, T_odom_body: SE3) -> CheckResult:

@@ -106,8 +106,8 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
         Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
             check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
             threshold=stream.threshold("injection", track), unit="llr", object=track.track_id or track.name,
-            reason=f"{track.label} {track.name} {_where(track.box_px)}: nothing stands there; the corners in its "
-            "box lie on the ground or the wall behind it"))
+            reason=f"{track.label} {track.track_id or track.name} {_where(track.box_px)}: nothing stands there; the "
+            "corners in its box lie on the ground or the wall behind it"))
         for track in stream.tracks if track.phantom.accused and _is_told(track, stream)
     ]  # fmt: skip
     if accused:
