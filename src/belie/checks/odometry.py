@@ -285,7 +285,7 @@ class OdometryCheck:
         noise += 2.0 * s.clock_jitter_s**2 * np.outer(velocity, velocity)
         r = np.concatenate([T_prev_cur.t - t, so3_log(R.T @ T_prev_cur.R)])
         r[~known], H[~known] = 0.0, 0.0
-        noise[~known ^ ~known[:, None]] = 0.0  # nothing is inferred from what is not known to what is
+        noise[known ^ known[:, None]] = 0.0  # nothing is inferred from what is not known to what is
         return r, H, noise
 
     def _result(

@@ -56,14 +56,14 @@ class AlertBook:
                 undecided.add(key)
         alerts = tuple(
             Alert(
-                type=key[0],
-                source=key[1],
+                type=kind,
+                source=source,
                 onset_ns=onset,
-                object=key[2],
-                because="; ".join(dict.fromkeys(because[key])),
+                object=name,
+                because="; ".join(dict.fromkeys(because[kind, source, name])),
             )
-            for key, onset in now.items()
-            if key not in self._standing
+            for (kind, source, name), onset in now.items()
+            if (kind, source, name) not in self._standing
         )
         # An accusation stands while it cannot be tested: dark frames do not acquit; and a check that is undecided
         # without naming an object is so about all of them.

@@ -271,7 +271,8 @@ class ObjectStream:
             if track.likeness.denies or (fair and not soft):
                 track.naming.excuse()
             else:
-                track.called = detection.label if misnamed else f"id {detection.track_id}"
+                track.is_swapped = not misnamed
+                track.called = f"id {detection.track_id}" if track.is_swapped else detection.label
                 threshold = self.threshold("misclassification", track)
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:

@@ -82,6 +82,7 @@ class ObjectTrack:
     # Corners, box, ages and births when it was last told of with no corner in a box that may cover it.
     open_then: tuple[FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
     called: str = ""  # its last label or id, where that is not its own
+    is_swapped: bool = False  # that is an id
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     told_label: str = ""
     told_id: str = ""

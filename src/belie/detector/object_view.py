@@ -87,7 +87,7 @@ def view_of(track: ObjectTrack, source: str, *, heard: bool, is_established: boo
         met_ns=track.met_ns,
         told_id="" if track.told_px is None else track.told_id,
         is_established=is_established,
-        is_swapped=track.called.startswith("id "),
+        is_swapped=bool(track.called) and track.is_swapped,
     )
 
 

@@ -249,11 +249,12 @@ def run_detector(
             verdict = detector.update(step.frame, step.claims)
             claimed, seen = detector.T_odom_cam_claimed, detector.T_odom_cam_seen
             trace.add(step, verdict, claimed, seen)
-            objects = follower.add(step.frame, step.claims, detector.objects)
+            views = detector.objects
+            objects = follower.add(step.frame, step.claims, views)
             found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
             alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
             told.hear(step.claims)
-            told.see(detector.objects, (step.frame.image.shape[1], step.frame.image.shape[0]))
+            told.see(views, (step.frame.image.shape[1], step.frame.image.shape[0]))
             if pictures:
                 films.add(step.frame, objects, verdict)
                 attacked.add(step.frame, objects, verdict, films.past)

@@ -15,7 +15,6 @@ from belie.evaluation.bench.sweep import Exceedances, exceedances
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.types import Alert, CheckResult, Status, Step, Verdict
 
-_GRACE_NS = 1_000_000_000  # of `score`: so long after an attack an alert is still within it
 _SETTLING = 10  # frames at the start that no latency is taken of: caches are cold
 
 
@@ -74,7 +73,7 @@ class Measured:
         Whether the first alert within the attack named the right kind and source (and object, where both name one);
         None where there was none.
     during : int
-        Alerts within the attack, its second of grace included, that it does not explain.
+        Alerts within the attack that it does not explain; those about honest frames after it are not among them.
     miss : Miss
         What is known of why the attack was missed.
     exceeded : Exceedances
@@ -129,7 +128,7 @@ def measure(steps: Iterable[Step], labels: Sequence[AttackLabel], rival: Rival) 
         if hasattr(rival, "seeing_ms"):
             seeing_ms.append(float(rival.seeing_ms))
     scored = score(verdicts, labels)
-    unexplained = _unexplained(scored, labels)
+    unexplained = _unexplained(scored)
     missed = [one.label for one in scored.labels if one.hit is None]
     return Measured(
         score=scored,
@@ -172,17 +171,10 @@ def _alerts(rival: Rival, answer: object) -> tuple[Alert, ...]:
     return alerts
 
 
-def _unexplained(scored: Score, labels: Sequence[AttackLabel]) -> list[RaisedAlert]:
-    """Alerts within an attack that are of another kind, source or object; not those about honest frames after it."""
-    return [
-        *(one for one in scored.wrong_attributions if one not in scored.aftermath),
-        *(
-            one
-            for one in scored.false_alerts
-            if one not in scored.aftermath
-            and any(label.start_ns <= one.stamp_ns <= label.end_ns + _GRACE_NS for label in labels)
-        ),
-    ]
+def _unexplained(scored: Score) -> list[RaisedAlert]:
+    """Alerts within an attack that are of another kind, source or object; not those about honest frames around it."""
+    outside = (*scored.before_onset, *scored.aftermath)
+    return [one for one in (*scored.wrong_attributions, *scored.false_alerts) if one not in outside]
 
 
 def _right_first(scored: Score, unexplained: Sequence[RaisedAlert]) -> bool | None:

@@ -57,7 +57,7 @@ class RunRecord:
     right_first : bool or None
         Whether the first alert within the attack named the right kind and source (and object, where both name one).
     during : int
-        Alerts within the attack, its second of grace included, that it does not explain.
+        Alerts within the attack that it does not explain; those about honest frames after it are not among them.
     why_missed, nearest
         See `belie.evaluation.bench.misses.Miss`; of an attack that was not caught.
     object_px : (int, int) or None
