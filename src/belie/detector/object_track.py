@@ -59,7 +59,9 @@ class ObjectTrack:
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
     growth: float = 1.0
     shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
-    corners_then: int = 0  # when it was last detected
+    places_then: FloatArray = field(
+        default_factory=lambda: np.empty((0, 2))
+    )  # of its proven corners, when it was last detected
     contrast: float = 0.0
     contrast_then: float = 0.0
     last_seen_ns: int = 0
@@ -179,6 +181,11 @@ class ObjectTrack:
         return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
     @property
+    def corners_then(self) -> int:
+        """How many of its corners were proven when it was last detected."""
+        return len(self.places_then)
+
+    @property
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
         return self.corners_then < 2 * LEAST_CORNERS
@@ -243,7 +250,7 @@ class ObjectTrack:
         if not covered.any():
             self.open_then = self.corners_px, self.box_px, self.ages, self.births
         self.told_before = None if self.told_px is None else (frame, self.told_px)
-        self.corners_then = self.proven
+        self.places_then = self.places[self._leads()]
         self.contrast_then = self.contrast
 
     def miss(
@@ -294,7 +301,10 @@ class ObjectTrack:
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
-        there = proven / self.corners_then
+        # Those that have left the view cannot be found again.
+        px = self.box_px[:2] - 0.5 + self.places_then * (self.box_px[2:] - self.box_px[:2])
+        expected = int(((px >= 0.0) & (px < np.array(size))).all(axis=1).sum())
+        there = proven / max(expected, 1)
         if there < settings.least_present or proven < LEAST_CORNERS:
             if self.is_soft:  # some are lost in every image: that tells nothing
                 return f"too few corners on it: {proven} of {self.corners_then} are found again"

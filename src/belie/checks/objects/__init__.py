@@ -5,6 +5,7 @@ from belie.checks.objects.cover import CoverHabit
 from belie.checks.objects.habits import Counts, ErrorTest, Habit, run_threshold
 from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
+from belie.checks.objects.shares import shared_thresholds
 
 __all__ = [
     "ClassGroups",
@@ -17,4 +18,5 @@ __all__ = [
     "background_evidence",
     "passing_evidence",
     "run_threshold",
+    "shared_thresholds",
 ]

@@ -235,6 +235,17 @@ class ErrorTest:
         self.statistic = min(self.statistic, threshold)  # so that it can end soon
         return self.accused
 
+    def next_steps(self, interval_s: float, side_px: float = 1e3) -> tuple[float, float]:
+        """The statistic if the next message is in error, and what every further one would add, nats.
+
+        >>> test = ErrorTest(Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10))
+        >>> [round(nats, 1) for nats in test.next_steps(0.1)]
+        [3.0, 2.9]
+        """
+        each = self.habit.wrong(self.own, True, interval_s, side_px)
+        told = each if self.length else self.habit.wrong(self.own, False, interval_s, side_px)
+        return max(self.statistic + told, 0.0), each
+
     @property
     def is_open(self) -> bool:
         """Whether there is evidence enough to accuse, but nobody has vouched for the object."""
