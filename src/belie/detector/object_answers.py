@@ -133,7 +133,8 @@ def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
     """Shortest run that would be accused, of the largest object."""
     if not stream.interval_s:
         return None
-    messages = habit.shortest_run(stream.interval_s, stream.shares.threshold(check, stream.shares.largest(stream.tracks)))
+    largest = stream.shares.largest(stream.tracks)
+    messages = habit.shortest_run(stream.interval_s, stream.shares.threshold(check, largest))
     return f"{messages * stream.interval_s:.1f} s"
 
 

@@ -35,25 +35,25 @@ class ObjectShares:
         self.messages_per_hour = 3600.0 / max(interval_s, 1e-3)
         may = [track for track in tracks if self._may_be_accused(track)]
         for check in ("hiding", "misclassification"):
-            own = [track for track in may if not _test(track, check).accused]
-            sides = (root_area(track.box_px) if check == "hiding" else _LARGE_PX for track in own)
-            steps = [
-                _test(track, check).next_steps(interval_s, side)
-                for track, side in zip(own, sides, strict=True)
-            ]
-            reached, each = np.array(steps).reshape(-1, 2).T
-            worth = np.array([self._side(track) for track in own])
+            sides = [root_area(track.box_px) if check == "hiding" else _LARGE_PX for track in may]
+            steps = [_test(t, check).steps(interval_s, px) for t, px in zip(may, sides, strict=True)]
+            first, each = np.array(steps).reshape(-1, 2).T
             rate = self.false_alarms_per_hour * RATE_SHARE[check] / self.messages_per_hour
-            given = shared_thresholds(reached, each, worth, rate)
-            self._given[check] = dict(zip([track.number for track in own], given.tolist(), strict=True))
+            given = shared_thresholds(first, each, rate)
+            self._given[check] = dict(zip([track.number for track in may], given.tolist(), strict=True))
 
     def threshold(self, check: str, track: ObjectTrack | None) -> float:
-        """Of a test about an object, nats; about an only one, where it is None."""
-        given = self._given.get(check, {})
-        if track is not None and track.number in given:
-            return given[track.number]
-        if track is not None and check != "injection" and (test := _test(track, check)).accused:
-            return test.threshold
+        """Of a test about an object, nats; about an only one, where it is None.
+
+        An excursion that has begun keeps what it was asked for then: shares that follow it would let others' errors
+        decide about it, and its own.
+        """
+        if track is not None and check != "injection":
+            test, given = _test(track, check), self._given.get(check, {})
+            if test.errors:
+                return test.threshold
+            if track.number in given:
+                return given[track.number]
         rate = self.false_alarms_per_hour * RATE_SHARE[check]
         side_px = 0.0 if track is None else self._side(track)
         share = side_px / max(self._sides_px, side_px) if side_px else 1.0
@@ -72,9 +72,6 @@ class ObjectShares:
         return max(tracks, key=self._side, default=None)
 
     def _may_be_accused(self, track: ObjectTrack) -> bool:
-        """Whether its next message may begin what becomes an accusation, or goes on with it."""
-        if track.hiding.errors or track.naming.errors:
-            return True
         s = self.settings
         return track.weight >= s.established and longer_side(track.box_px) >= s.least_side_px
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,12 +69,28 @@ class ObjectStream:
 
     # -- images --------------------------------------------------------------------------------------
 
-    def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
-        """Carry every object to the new image; forget those that are lost or long gone."""
-        for track in self.tracks:
-            track.follow(previous, current, stamp_ns, self.tracking)
+    def follow(
+        self, previous: ImageStack, current: ImageStack, stamp_ns: int, R_cur_prev: FloatArray | None = None
+    ) -> None:
+        """Carry every object to the new image; forget those that are lost or long gone.
+
+        `R_cur_prev`: the camera's rotation between the images, where it is known.
+        """
+        turns_px = self._turns_px(R_cur_prev)
+        for track, turn_px in zip(self.tracks, turns_px, strict=True):
+            track.follow(previous, current, stamp_ns, self.tracking, turn_px)
         self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
         self.shares.weigh(self.tracks)
+
+    def _turns_px(self, R_cur_prev: FloatArray | None) -> FloatArray:
+        """How the camera's rotation shifts the middle of each object, shape (N, 2)."""
+        boxes = np.array([track.box_px for track in self.tracks]).reshape(-1, 4)
+        if R_cur_prev is None or not len(boxes):
+            return np.zeros((len(boxes), 2))
+        middles = 0.5 * (boxes[:, :2] + boxes[:, 2:]) - 0.5
+        rays = np.column_stack([self.camera.normalize(middles), np.ones(len(middles))])
+        shifts = self.camera.project(rays @ R_cur_prev.T) - middles
+        return np.where(np.isfinite(shifts), shifts, 0.0)
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
@@ -201,6 +216,8 @@ class ObjectStream:
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
+        if track.is_soft:
+            track.look_for(current, stamp_ns, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         # A box with nothing in it was no object: nobody hides it.
         if track.phantom.accused:

@@ -235,16 +235,15 @@ class ErrorTest:
         self.statistic = min(self.statistic, threshold)  # so that it can end soon
         return self.accused
 
-    def next_steps(self, interval_s: float, side_px: float = 1e3) -> tuple[float, float]:
-        """The statistic if the next message is in error, and what every further one would add, nats.
+    def steps(self, interval_s: float, side_px: float = 1e3) -> tuple[float, float]:
+        """What a first message in error would tell, and every further one, nats.
 
         >>> test = ErrorTest(Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10))
-        >>> [round(nats, 1) for nats in test.next_steps(0.1)]
+        >>> [round(nats, 1) for nats in test.steps(0.1)]
         [3.0, 2.9]
         """
-        each = self.habit.wrong(self.own, True, interval_s, side_px)
-        told = each if self.length else self.habit.wrong(self.own, False, interval_s, side_px)
-        return max(self.statistic + told, 0.0), each
+        first, each = (self.habit.wrong(self.own, after, interval_s, side_px) for after in (False, True))
+        return first, each
 
     @property
     def is_open(self) -> bool:
