@@ -105,7 +105,12 @@ class ObjectTrack:
     )
 
     def follow(
-        self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings, turn_px: FloatArray
+        self,
+        previous: ImageStack,
+        current: ImageStack,
+        stamp_ns: int,
+        settings: TrackingSettings,
+        turn_px: FloatArray,
     ) -> None:
         """Carry the object from the previous image to this one by its own pixels.
 

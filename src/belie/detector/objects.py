@@ -98,7 +98,9 @@ class ObjectStage:
         self._scene.move(estimate, scene)
         # Since an image that was not judged by, the camera has turned more than once.
         known = estimate is not None and estimate.inliers > 0 and estimate.reason is None
-        R_cur_prev = estimate.T_prev_cur.R.T if estimate is not None and known and not self._is_blind else None
+        R_cur_prev = (
+            estimate.T_prev_cur.R.T if estimate is not None and known and not self._is_blind else None
+        )
         self._is_blind = False
         judgements: list[Judgement] = []
         for stream in self.streams.values():
