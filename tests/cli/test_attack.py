@@ -84,6 +84,9 @@ def test_objects_of_a_file_are_attacked(run, drive, tmp_path):
     assert (label.object, label.alert.value, label.sources) == ("4", "obstacle_hiding", ("/detections",))
     claims = [c for step in open_recording(output).steps() for c in step.claims if c.source == "/detections"]
     assert [k for k, claim in enumerate(claims) if not claim.detections] == list(range(60, 70))
+    assert "frame 60 to 70; labelled obstacle_hiding, object 4" in result.stdout
+    assert "object 4 was chosen, as it stays in view: Car, 100x60 px in frame 60" in result.stdout
+    assert "told of in frames 0 to 84" in result.stdout
     shown = run("info", drive, "--detections", labels)
     assert "0000.txt (KITTI tracking labels)" in shown.stdout
     wrong = run(
@@ -97,3 +100,18 @@ def test_objects_of_a_file_are_attacked(run, drive, tmp_path):
     )
     assert (wrong.exit_code, wrong.stderr.count("\n")) == (2, 1)
     assert "no object 5 to attack in frames 60 to 90; /detections has 4 (Car)" in wrong.stderr
+
+
+def test_it_is_said_that_no_object_stays(run, drive, tmp_path):
+    labels = tmp_path / "0000.txt"
+    lines = [f"{k} 4 Car 0 0 0 40 60 140 120 -1 -1 -1 0 0 0 0\n" for k in range(20, 65)]
+    lines += [
+        f"{k} 5 Car 0 0 0 200 60 220 70 -1 -1 -1 0 0 0 0\n" for k in range(90)
+    ]  # too small to be judged
+    labels.write_text("".join(lines))
+    output = tmp_path / "hidden.mcap"
+    result = run("attack", drive, "paper-hiding:start=60", "--detections", labels, "-o", output)
+    assert result.exit_code == 0, result.output
+    assert "paper-hiding:start=60: no object with a track id" in result.stderr
+    assert "chosen" not in result.stdout
+    assert "labelled obstacle_hiding, object 4" in result.stdout

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from belie.checks.objects import Counts, Habit, ObjectSettings
 from belie.detector import Config
-from belie.evaluation.calibrate_objects import learn_habits
+from belie.evaluation.calibrate_objects import learn_habits, pooled
 from belie.evaluation.calibrate_part import TeachingPart
 from belie.evaluation.calibrate_streams import SHIFTS_S, clock_offset, stream_notes
 from belie.evaluation.calibrate_tail import Tail, rate_at, tails, tightened
@@ -103,12 +104,86 @@ def test_habits_become_settings_with_the_interval_that_they_are_known_to(monkeyp
     assert learnt.words == (
         "/detections: misses 5.00 % (3.69 to 6.74 %) and misnames 1.00 % (0.51 to 1.96 %) of 800 messages about "
         "objects that it should see",
-        "/rare: its misses and misnamings were not learned: 30 messages about objects that it should see, 200 of one "
-        "recording are needed; the settings stay as they were",
+        "/rare: its misses and misnamings were not learned: 30 messages about objects that it should see, 200 are "
+        "needed; the settings stay as they were",
     )
     learn_habits([part], Config(), lambda: None, from_accused=False)
     assert HeardDetector.rates[0] < 1e-100  # nobody is accused, so that all errors teach
     assert HeardDetector.rates[1] == 0.1  # what is accused does not teach
+
+
+def heard(**several):
+    """A detector whose habits are those of one recording after the other, by name of the topic."""
+    told = iter(zip(*several.values(), strict=True))
+
+    class Heard(HeardDetector):
+        def object_habits(self):
+            return {f"/{name}": habits for name, habits in zip(several, next(told), strict=True)}
+
+    return Heard
+
+
+def shows(messages, miss_rate):
+    return {"miss_rate": miss_rate, "confusion_rate": 0.01, "persistence_s": 0.03, "messages": messages}
+
+
+def test_recordings_that_show_little_are_put_together(monkeypatch):
+    part = part_of([step_at(k) for k in range(3)], {"/image": CAMERA})
+    rare = shows(20.0, 0.5)
+    detector = heard(detections=[shows(150.0, 0.08), shows(90.0, 0.05)], rare=[rare, rare])
+    monkeypatch.setattr("belie.evaluation.calibrate_objects.Detector", detector)
+    learnt = learn_habits([part, part], Config(), lambda: None)
+    # 15.2 of 190 and 6.5 of 130, of which 1.2 of 40 are the expectation, once too often.
+    assert learnt.config.objects.miss_rate == pytest.approx(20.5 / 280.0, abs=1e-3)
+    assert learnt.words == (
+        "/detections: misses 7.32 % (4.80 to 11.54 %) and misnames 1.00 % (0.23 to 2.99 %) of 240 messages about "
+        "objects that it should see, in 2 recordings",
+        "/rare: its misses and misnamings were not learned: 40 messages about objects that it should see, 200 are "
+        "needed; the settings stay as they were",
+    )
+
+
+def test_a_recording_that_alone_shows_more_misses_is_not_watered_down(monkeypatch):
+    part = part_of([step_at(k) for k in range(3)], {"/image": CAMERA})
+    monkeypatch.setattr(
+        "belie.evaluation.calibrate_objects.Detector",
+        heard(detections=[shows(900.0, 0.02), shows(300.0, 0.1)]),
+    )
+    learnt = learn_habits([part, part], Config(), lambda: None)
+    assert learnt.config.objects.miss_rate == 0.1
+    assert learnt.words[0].endswith("of 1200 messages about objects that it should see, in 2 recordings")
+    assert learnt.words[1].startswith("/detections: one of them alone misses 10.00 % (7.09 to 13.92 %)")
+
+
+def test_recordings_that_differ_by_chance_are_not_told_apart(monkeypatch):
+    part = part_of([step_at(k) for k in range(3)], {"/image": CAMERA})
+    monkeypatch.setattr(
+        "belie.evaluation.calibrate_objects.Detector",
+        heard(detections=[shows(900.0, 0.02), shows(300.0, 0.03)]),
+    )
+    learnt = learn_habits([part, part], Config(), lambda: None)
+    assert learnt.config.objects.miss_rate < 0.025
+    assert len(learnt.words) == 1
+
+
+def test_habits_pooled_from_parts_are_those_of_the_whole():
+    s = ObjectSettings()
+    rng = np.random.default_rng(4)
+
+    def habits(parts):
+        habit = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px)
+        for right, begun, lasted in parts:
+            habit.learn(Counts(), Counts(right=right, begun=begun, lasted=lasted))
+        seen = habit.stream.right + habit.stream.wrong
+        known = {"miss_rate": habit.share(), "persistence_s": habit.memory_s(0.1), "messages": seen}
+        return {**known, "confusion_rate": s.confusion_rate}
+
+    parts = [(float(rng.integers(40, 90)), 3.0, float(rng.integers(4, 9))) for _ in range(6)]
+    whole, together = habits(parts), pooled([habits([part]) for part in parts], s)
+    assert together["miss_rate"] == pytest.approx(whole["miss_rate"])
+    assert together["messages"] == whole["messages"]
+    assert together["persistence_s"] == pytest.approx(whole["persistence_s"], rel=0.3)
+    assert together["confusion_rate"] == pytest.approx(s.confusion_rate)
 
 
 def step_at(k):

@@ -4,15 +4,20 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from belie.attacks import AttackLabel
+from belie.checks.objects import ObjectSettings
 from belie.detector import ObjectView
 from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.film import SIDE_PX, FilmRecorder
-from belie.evaluation.film_figure import film_content
+from belie.evaluation.film_figure import _raised_and_end, film_content
 from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.report import render_report
+from belie.evaluation.report_words import alert_row, headline
 from belie.evaluation.run import run_detector
+from belie.evaluation.score import RaisedAlert
+from belie.evaluation.traced_alert import TracedAlert
 from belie.geometry import SE3, CameraModel
 from belie.types import (
     Alert,
@@ -196,7 +201,13 @@ def test_a_swap_names_the_ids_and_stays_with_its_object(made_run):
     )  # fmt: skip
     assert film.shots[-1].number == 36
     assert all(shot.box_px[0] == 40.0 for shot in film.shots)
+    raised = RaisedAlert(frame=24, stamp_ns=film.raised_ns, alert=film.alert)
+    alert = TracedAlert(raised=raised, check="", reason="", end_ns=film.raised_ns, label="car")
+    run = replace(made_run(60), films=(film,), alerts=(alert,))
+    assert headline(run).startswith("/detections gives car 7 another's track id, 8: from about 2.0 s on")
+    assert alert_row(run, alert)["object"] == "car 7, called id 8"
     content = film_content(made_run(60), film, 0)
+    assert content["title"].startswith("Misclassified: car 7, called id 8, by /detections")
     assert "gives it the track id 8, while it reports car 7, 71 px right of it" in content["words"]
     assert "corners were followed from 0.00 s to 3.60 s" in content["words"]
     assert [shot["told"] for shot in content["shots"]] == ["reported as car 7"] * 2 + [
@@ -216,14 +227,18 @@ def test_the_last_picture_is_one_in_which_the_object_can_be_seen():
     assert shot.in_view >= 0.5
 
 
-def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None):
+def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None, other=None):
     """Films of object 7, which a label says is attacked in frames 20 to 30."""
     label = AttackLabel(
         name="detections-hide", text="detections-hide:start=20,stop=30", stream="detections", sources=("/detections",),
-        alert=kind, start_frame=20, stop_frame=30, start_ns=START_NS + 20 * FRAME_NS, seed=0, object="7",
+        alert=kind, start_frame=20, stop_frame=30, start_ns=START_NS + 20 * FRAME_NS, seed=0, object="7", other=other,
         onset_ns=START_NS + 20 * FRAME_NS, end_ns=START_NS + 30 * FRAME_NS,
     )  # fmt: skip
-    films, objects, follower = FilmRecorder(), AttackedObjects([label]), ObjectFollower(CAMERAS)
+    films, objects, follower = (
+        FilmRecorder(),
+        AttackedObjects([label], ObjectSettings()),
+        ObjectFollower(CAMERAS),
+    )
     for k in range(frames):
         stamp_ns = START_NS + k * FRAME_NS
         frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=IMAGE)
@@ -248,8 +263,59 @@ def test_an_attacked_object_without_an_alert_is_shown_and_why(made_run):
     assert "The attacked objects that raised no alert" in text
     assert "Missed: detections-hide on car 7, by /detections" in text
     assert "the evidence came to 25% of what an alarm takes" in text
-    assert "in 10 of 10 frames the check said: some car is missing: too few corners on it: 2." in text
+    assert "in 10 of 10 frames the check said: car 7 is missing: too few corners on it: 2." in text
+    assert "/detections car 7 2.00 to 3.00 s missed" in text
     assert "no picture" not in text
+
+
+def test_a_doubt_about_another_object_is_no_reason():
+    other = CheckResult(
+        check="hiding", source="/detections", status=Status.UNDECIDED, reason="car 8 is missing: fading"
+    )
+    silent = replace(other, reason="no message for 0.7 s")
+    assert attacked(60, hidden, (other,))[1][0].why == (
+        "in 10 of 10 frames its pixels could not vouch for it: told of too seldom or unsurely"
+    )
+    assert (
+        attacked(60, hidden, (silent,))[1][0].why == "in 10 of 10 frames the check said: no message for 0.7 s"
+    )
+
+
+def test_why_the_pixels_of_a_renamed_object_do_not_tell():
+    unsure = CheckResult(
+        check="misclassification", source="/detections", status=Status.UNDECIDED, statistic=12.0, threshold=12.0,
+        object="7", reason="car 7 is called bird in 5 of the last 5 messages: its pixels do not tell whether it is "
+        "the same object",
+    )  # fmt: skip
+
+    def renamed(k):
+        lie = {"misnamed": True, "told_label": "bird", "is_established": True} if 20 <= k < 30 else {}
+        return (view(k, told=k, **lie),)
+
+    _, (film,) = attacked(60, renamed, (unsure,), kind=AlertType.OBJECT_MISCLASSIFICATION)
+    assert "the check said: car 7 is called bird in 5 of the last 5 messages: its pixels do not" in film.why
+    assert film.why.endswith("could not vouch for it: fewer than 4 corners that move with it")
+
+
+def test_a_missed_swap_names_both(made_run):
+    label, films = attacked(60, lambda k: (view(k, told=k),), other="3")
+    page = render_report(replace(made_run(60), attacked=films), labels=[label])
+    text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    assert "/detections car 7 and 3 2.00 to 3.00 s missed" in text
+    assert "Missed: detections-hide on car 7 and 3, by /detections" in text
+
+
+def test_the_lie_is_shaded_no_longer_than_the_alert_lasted(made_run):
+    (film,) = filmed(60, lambda k: (view(k, told=k if k < 20 else None),), onset=20, raised=24)
+    raised = RaisedAlert(frame=24, stamp_ns=film.raised_ns, alert=film.alert)
+    end_ns = START_NS + 28 * FRAME_NS
+    alert = TracedAlert(raised=raised, check="hiding", reason="", end_ns=end_ns, label="car")
+    run = made_run(60)
+    assert _raised_and_end(run, film)[1] == pytest.approx(3.6)  # where its film ends
+    assert _raised_and_end(replace(run, alerts=(alert,)), film)[1] == pytest.approx(2.8)
+    label, _ = attacked(1, hidden)
+    assert film_content(run, film, 0, [label])["is_labelled"]
+    assert not film_content(run, film, 0, [replace(label, object="8")])["is_labelled"]
 
 
 def test_a_run_films_the_objects_of_its_labels(made):

@@ -69,7 +69,8 @@ RESTORE = Option(
 OBJECT = Option(
     name="object",
     form="text",
-    meaning="track id to attack; if left out the largest object that is held for a second",
+    meaning="track id to attack; if left out the largest object that stays until the attack ends; if none does, in "
+    "simulations and live: the largest that has been held for a second",
 )
 
 

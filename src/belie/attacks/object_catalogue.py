@@ -22,7 +22,11 @@ def detection_attacks() -> list[AttackKind]:
     factor = Option(
         name="factor", form="number", default=0.5, above=0.0, most=1.0, meaning="multiplier of every side"
     )
-    other = Option(name="other", form="text", meaning="track id to swap with; the next largest if left out")
+    other = Option(
+        name="other",
+        form="text",
+        meaning="track id to swap with; if left out the next largest, chosen as the first",
+    )
     mode = Option(
         name="mode", form="choice", choices=("hide", "relabel"), default="hide", meaning="what the patch does"
     )
@@ -38,7 +42,7 @@ def detection_attacks() -> list[AttackKind]:
         (
             "hide",
             "one object is left out of the message. belie does not miss one of which less than 70 % is inside the "
-            "image: the largest may be a car at its edge",
+            "image",
             (),
             None,
         ),

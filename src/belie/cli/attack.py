@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +39,7 @@ from belie.cli.options import (
 from belie.cli.output import Encoding, require_free, write_labels, write_recording
 
 if TYPE_CHECKING:
+    from belie.attacks import AttackLabel, Choice
     from belie.bridges.settings import LiveSettings
     from belie.types import Step
 
@@ -125,7 +126,8 @@ def attack(
     if not specs or output is None:
         raise typer.BadParameter("SOURCE, SPEC... and -o OUT.mcap are needed (or --live, and SPEC...)")
     from belie.attacks import attack as attacked_by
-    from belie.attacks import labels_path
+    from belie.attacks import choose_objects, labels_path
+    from belie.checks.objects import ObjectSettings
     from belie.cli.progress import frame_count
     from belie.recordings import open_recording
 
@@ -143,7 +145,8 @@ def attack(
         detection_names=detector_labels,
         rate_hz=rate,
     )
-    attacked = attacked_by(recording, specs)
+    choices = choose_objects(recording, specs, least_px=ObjectSettings().least_side_px)
+    attacked = attacked_by(recording, [choice.spec for choice in choices])
     labels = attacked.labels
     write_recording(
         output,
@@ -158,7 +161,26 @@ def attack(
     tell_damage(recording)
     tell_detections(recording)
     write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
+    _tell_choices(choices, labels)
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
+
+
+def _tell_choices(choices: Sequence[Choice], labels: Sequence[AttackLabel]) -> None:
+    """Which objects were chosen, or that none stays."""
+    for choice, label in zip(choices, labels, strict=True):
+        for one in choice.objects:
+            width, height = one.size_px
+            print(
+                f"  object {one.track_id} was chosen, as it stays in view: {one.label}, {width}x{height} px in frame "
+                f"{label.start_frame}, told of in frames {one.first_frame} to {one.last_frame}"
+            )
+        if choice.lacks:
+            print(
+                f"belie: warning: {label.text}: no object with a track id that is large enough to be judged stays in "
+                "view: attacked is the largest that is held for a second, and to leave out what leaves may pass "
+                "unseen; name one with object=, or try another start",
+                file=sys.stderr,
+            )
 
 
 def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:

@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from belie.evaluation.report_words import never_decided, raised_words
+from belie.evaluation.report_words import attacked_words, never_decided, raised_words
 from belie.types import Status
 
 if TYPE_CHECKING:
@@ -114,9 +114,8 @@ def _alert_row(run: Run, traced: TracedAlert) -> tuple[str, ...]:
 
 
 def _attacked(label: AttackLabel) -> str:
-    """The streams that lie, and the object that they lie about."""
-    sources = ", ".join(label.sources)
-    return sources if label.object is None else f"{sources} object {label.object}"
+    """The streams that lie, and the objects that they lie about."""
+    return f"{', '.join(label.sources)} {attacked_words(label)}".rstrip()
 
 
 def _print_score(console: Console, result: Score) -> None:

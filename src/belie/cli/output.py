@@ -85,11 +85,16 @@ def write_recording(
 
 
 def write_labels(path: Path, labels: Sequence[AttackLabel], start_ns: int) -> None:
-    """Write the labels of attacks, and tell who lies from when; `start_ns` is the stamp of the first frame."""
+    """Write the labels of attacks, and tell what they say; `start_ns` is the stamp of the first frame."""
     from belie.attacks import write_labels as write
 
     write(path, labels)
     for label in labels:
         onset_s = (label.onset_ns - start_ns) * 1e-9
         sources = ", ".join(label.sources)
-        print(f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {label.start_frame}")
+        named = [name for name in (label.object, label.other) if name is not None]
+        about = f", object{'s' * (len(named) > 1)} {' and '.join(named)}" if named else ""
+        print(
+            f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {label.start_frame} to {label.stop_frame}; "
+            f"labelled {label.alert.value}{about}"
+        )

@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from belie.checks.objects import ObjectSettings
 from belie.detector import Config, Detector
 from belie.evaluation.calibrate_part import SettingPath, TeachingPart, changed
 from belie.evaluation.intervals import wilson_interval
 
 _NOBODY_ACCUSED = 1e-200  # false alarms an hour: what is accused would teach nothing
 _LEAST_MESSAGES = 200  # about objects: fewer show no habit
+_ERRORS = (("misses", "miss_rate"), ("misnames", "confusion_rate"))
+_HABITS = (*(name for _, name in _ERRORS), "persistence_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +48,8 @@ def learn_habits(
 ) -> LearntHabits:
     """Settings with the habits of the detectors that were heard.
 
-    Where several detectors were heard, each setting is that of the one which errs most.
+    What all recordings show of one detector is put together. Where several detectors were heard, each setting is that
+    of the one which errs most; and where one recording alone clearly shows more, that is set: fog has its own.
 
     Parameters
     ----------
@@ -66,40 +70,86 @@ def learn_habits(
     """
     nobody: dict[SettingPath, object] = {("sequential", "false_alarms_per_hour"): _NOBODY_ACCUSED}
     measuring = changed(config, nobody) if from_accused else config
-    found: dict[str, float] = {}
-    words, messages = [], 0.0
-    # Messages about objects that one part holds, by detector: also by those that are silent while it teaches.
+    # Also detectors that are silent while their recordings teach.
     streams = (stream for part in parts for stream in getattr(part, "streams", ()))
-    most = {stream.topic: 0.0 for stream in streams if stream.used and stream.role == "detections"}
+    heard: dict[str, list[Mapping[str, float]]] = {
+        stream.topic: [] for stream in streams if stream.used and stream.role == "detections"
+    }
     for part in parts:
         detector = Detector(part.cameras, measuring)
         for step in part.steps():
             detector.update(step.frame, step.claims)
             advance()
         for source, habits in detector.object_habits().items():
-            most[source] = max(habits["messages"], most.get(source, 0.0))
-            if habits["messages"] >= _LEAST_MESSAGES:
-                messages += habits["messages"]
-                words.append(f"{source}: {_in_words(habits)}")
-                for name in ("miss_rate", "confusion_rate", "persistence_s"):
-                    found[name] = max(habits[name], found.get(name, 0.0))
-    words += [
-        f"{source}: its misses and misnamings were not learned: {count:.0f} messages about objects that it should see, "
-        f"{_LEAST_MESSAGES} of one recording are needed; the settings stay as they were"
-        for source, count in most.items()
-        if count < _LEAST_MESSAGES
-    ]
+            heard.setdefault(source, []).append(habits)
+    found: dict[str, float] = {}
+    words, unlearned, messages = [], [], 0.0
+    for source, each in heard.items():
+        together = pooled(each, measuring.objects)
+        if together["messages"] < _LEAST_MESSAGES:
+            unlearned.append(
+                f"{source}: its misses and misnamings were not learned: {together['messages']:.0f} messages about "
+                f"objects that it should see, {_LEAST_MESSAGES} are needed; the settings stay as they were"
+            )
+            continue
+        messages += together["messages"]
+        worse = _worse(each, together)
+        words.append(f"{source}: {_in_words(together)}" + f", in {len(each)} recordings" * (len(each) > 1))
+        words += [f"{source}: one of them alone {_in_words(one)}: the larger is set" for one in worse]
+        for name in _HABITS:
+            found[name] = max(found.get(name, 0.0), *(one[name] for one in (together, *worse)))
+    words += unlearned
     changes: dict[SettingPath, object] = {("objects", name): float(f"{v:.3g}") for name, v in found.items()}
     notes = {f"objects.{name}": f"calibrated: {messages:.0f} messages about objects" for name in found}
     return LearntHabits(config=changed(config, changes), notes=notes, words=tuple(words))
 
 
-def _in_words(habits: Mapping[str, float]) -> str:
+def pooled(each: Sequence[Mapping[str, float]], prior: ObjectSettings) -> dict[str, float]:
+    """The habits of one detector that several recordings show together.
+
+    Each of `each` (of `Detector.object_habits`) is what was counted and what was expected before; so that the
+    expectation counts once, it is taken out of all but one. The time for which errors last is weighed by how many
+    errors show it.
+
+    >>> one = {"miss_rate": 0.05, "confusion_rate": 0.01, "persistence_s": 0.05, "messages": 60.0}
+    >>> both = pooled([one, one], ObjectSettings(miss_rate=0.03, prior_messages=40))
+    >>> both["messages"], round(both["miss_rate"], 4)  # 3.8 misses in 60 messages, twice; and 1.2 in 40, as expected
+    (120.0, 0.055)
+    """
+    n, again = prior.prior_messages, len(each) - 1
+    total = sum(habits["messages"] for habits in each)
+    found = {"messages": total}
+    for name, expected in (("miss_rate", prior.miss_rate), ("confusion_rate", prior.confusion_rate)):
+        wrong = sum(habits[name] * (habits["messages"] + n) for habits in each) - again * n * expected
+        found[name] = max(wrong, 0.0) / (total + n)
+    gaps = [max(h["miss_rate"] * (h["messages"] + n) - n * prior.miss_rate, 0.0) for h in each]
+    lasted = sum(h["persistence_s"] * (k + prior.prior_gaps) for h, k in zip(each, gaps, strict=True))
+    lasted -= again * prior.prior_gaps * prior.persistence_s
+    shortest = min((h["persistence_s"] for h in each), default=prior.persistence_s)
+    found["persistence_s"] = max(lasted / (sum(gaps) + prior.prior_gaps), shortest)
+    return found
+
+
+def _worse(each: Sequence[Mapping[str, float]], together: Mapping[str, float]) -> list[Mapping[str, float]]:
+    """The recordings that alone show more errors than all together, by more than chance."""
+    return [
+        habits
+        for habits in each
+        if habits["messages"] >= _LEAST_MESSAGES
+        and any(_interval(habits, name)[0] > together[name] for _, name in _ERRORS)
+    ]
+
+
+def _interval(habits: Mapping[str, float], name: str) -> tuple[float, float]:
     count = round(habits["messages"])
+    interval = wilson_interval(min(round(habits[name] * count), count), count)
+    assert interval is not None
+    return interval
+
+
+def _in_words(habits: Mapping[str, float]) -> str:
     said = []
-    for what, name in (("misses", "miss_rate"), ("misnames", "confusion_rate")):
-        interval = wilson_interval(min(round(habits[name] * count), count), count)
-        assert interval is not None
-        share, low, high = (f"{100 * x:.2f}" for x in (habits[name], *interval))
+    for what, name in _ERRORS:
+        share, low, high = (f"{100 * x:.2f}" for x in (habits[name], *_interval(habits, name)))
         said.append(f"{what} {share} % ({low} to {high} %)")
-    return f"{' and '.join(said)} of {count} messages about objects that it should see"
+    return f"{' and '.join(said)} of {habits['messages']:.0f} messages about objects that it should see"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 
+from belie.attacks import AttackLabel
 from belie.evaluation import report_words as words
 from belie.evaluation.figures import ALERT, LABEL, QUIET, SEEN, svg
 from belie.evaluation.film import LOST, SIDE_PX, Film, Shot
@@ -30,8 +32,9 @@ _TOLD = {  # what is right, and what is a lie
 }
 
 
-def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
-    """One film, for the template."""
+def film_content(run: Run, film: Film, index: int, labels: Iterable[AttackLabel] = ()) -> dict[str, Any]:
+    """One film, for the template; `labels`: what was attacked, where that is known."""
+    own = [label for label in labels if film.attack is None and _is_about(label, film)]
     strip = film.strip()
     return {
         "title": _title(run, film),
@@ -52,8 +55,15 @@ def film_content(run: Run, film: Film, index: int) -> dict[str, Any]:
         "wrong": _TOLD[film.alert.type][1],
         "has_error": _has_error(film),
         "is_missed": film.attack is not None,
-        "figure": _figure(run, film, f"film{index}"),
+        "is_labelled": bool(own),
+        "figure": _figure(run, film, f"film{index}", own),
     }
+
+
+def _is_about(label: AttackLabel, film: Film) -> bool:
+    """Whether an attack was on the object of a film while that was taken."""
+    is_then = label.start_ns <= film.shots[-1].stamp_ns and label.end_ns >= film.shots[0].stamp_ns
+    return is_then and film.alert.source in label.sources and film.alert.object in (label.object, label.other)
 
 
 def _drawn(film: Film, shot: Shot) -> dict[str, Any]:
@@ -104,14 +114,16 @@ def _told(film: Film, shot: Shot) -> str:
 def _title(run: Run, film: Film) -> str:
     name = f"{film.label} {film.alert.object}"
     if film.attack is not None:
-        return f"Missed: {film.attack.name} on {name}, by {film.alert.source}"
+        and_other = "" if film.attack.other is None else f" and {film.attack.other}"
+        return f"Missed: {film.attack.name} on {name}{and_other}, by {film.alert.source}"
     onset_s = run.trace.since_start_s([film.alert.onset_ns])[0]
     kind = {
         AlertType.OBSTACLE_HIDING: "Hidden",
         AlertType.OBJECT_MISCLASSIFICATION: "Misclassified",
         AlertType.OBSTACLE_INJECTION: "Invented",
     }[film.alert.type]
-    return f"{kind}: {name}, by {film.alert.source}, from {onset_s:.2f} s on"
+    called = f", called id {film.told_id}" if film.is_swapped and film.told_id else ""
+    return f"{kind}: {name}{called}, by {film.alert.source}, from {onset_s:.2f} s on"
 
 
 def _words(run: Run, film: Film) -> str:
@@ -188,8 +200,8 @@ def _has_error(film: Film) -> bool:
     return film.alert.type is not AlertType.OBSTACLE_INJECTION
 
 
-def _figure(run: Run, film: Film, name: str) -> str:
-    """``e^L`` over time, the span of the lie, and below it what the detector told."""
+def _figure(run: Run, film: Film, name: str, labels: Sequence[AttackLabel]) -> str:
+    """``e^L`` over time, the span of the lie, below it what the detector told, and at the top what was attacked."""
     seconds = run.trace.since_start_s([shot.stamp_ns for shot in film.shots])
     error = np.array([np.nan if s.error_px2 is None else max(s.error_px2, _LEAST_PX2) for s in film.shots])
     (onset,) = run.trace.since_start_s([film.alert.onset_ns])
@@ -205,6 +217,16 @@ def _figure(run: Run, film: Film, name: str) -> str:
         axes.axvspan(onset, end, color=color, alpha=0.12, linewidth=0)
         if raised is not None:
             axes.axvline(raised, color=ALERT, linewidth=1.2)
+        for label in labels:
+            span = np.clip(run.trace.since_start_s([label.start_ns, label.end_ns]), seconds[0], seconds[-1])
+            axes.plot(
+                span,
+                [1.0, 1.0],
+                color=LABEL,
+                linewidth=6,
+                solid_capstyle="butt",
+                transform=axes.get_xaxis_transform(),
+            )
         for status, color in (("reported", SEEN), ("missing", ALERT)):
             at = [t for t, s in zip(seconds, film.shots, strict=True) if _row(film, s) == status]
             axes.plot(at, [_LEAST_PX2 * 0.45] * len(at), linestyle="", marker="s", markersize=4, color=color)
@@ -214,7 +236,10 @@ def _figure(run: Run, film: Film, name: str) -> str:
 
 
 def _raised_and_end(run: Run, film: Film) -> tuple[float | None, float]:
-    """When the alert was raised, if one was, and when the lie was over or the film was: seconds."""
+    """When the alert was raised, if one was, and when the lie was over or the film was: seconds.
+
+    It is over with the first honest message, and no later than the alert in the table.
+    """
     last_ns, raised_ns = film.shots[-1].stamp_ns, film.raised_ns
     if raised_ns is None:
         end_ns = last_ns if film.attack is None else min(film.attack.end_ns, last_ns)
@@ -222,7 +247,8 @@ def _raised_and_end(run: Run, film: Film) -> tuple[float | None, float]:
     honest = [
         shot.stamp_ns for shot in film.shots if shot.stamp_ns > raised_ns and _row(film, shot) == "reported"
     ]
-    raised, end = run.trace.since_start_s([raised_ns, honest[0] if honest else last_ns])
+    told = [a.end_ns for a in run.alerts if (a.raised.alert, a.raised.stamp_ns) == (film.alert, raised_ns)]
+    raised, end = run.trace.since_start_s([raised_ns, min([*honest[:1], *told, last_ns])])
     return float(raised), float(max(raised, end))
 
 

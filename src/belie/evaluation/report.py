@@ -90,7 +90,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "trajectory": figures.trajectory_figure(run),
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
-        "films": [film_content(run, film, k) for k, film in enumerate(films)],
+        "films": [film_content(run, film, k, truth or ()) for k, film in enumerate(films)],
         "unseen": [words.unseen(label, run.profile) for label in missed if _is_unseen(run, label)],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
@@ -118,14 +118,15 @@ def _is_unseen(run: Run, label: AttackLabel) -> bool:
 
 def _score_rows(run: Run, result: Score) -> dict[str, Any]:
     rows = []
+    kinds = {film.attack: film.label for film in run.attacked if film.attack is not None}
     for scored in result.labels:
         start_s, end_s = run.trace.since_start_s([scored.label.onset_ns, scored.label.end_ns])
         hit = scored.hit is not None
         rows.append(
             {
                 "text": scored.label.text,
-                "sources": ", ".join(scored.label.sources)
-                + ("" if scored.label.object is None else f", {scored.label.object}"),
+                "sources": ", ".join(scored.label.sources),
+                "object": words.attacked_words(scored.label, kinds),
                 "span": f"{start_s:.2f} to {end_s:.2f} s",
                 "hit": hit,
                 "delay": f"{scored.delay_frames} frames, {(scored.delay_ms or 0.0) / 1e3:.2f} s"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -76,12 +76,30 @@ def raised_words(raised: RaisedAlert) -> str:
     return f"frame {raised.frame}: {alert.type.value}{about} by {alert.source}"
 
 
+def attacked_words(label: AttackLabel, kinds: Mapping[AttackLabel, str] | None = None) -> str:
+    """The objects that a label names: both of a swap; empty where it names none. `kinds`: what the first one is.
+
+    >>> from dataclasses import replace
+    >>> label = AttackLabel(name="detections-swap", text="detections-swap", stream="detections", sources=("/d",),
+    ...     alert="object_misclassification", start_frame=1, stop_frame=2, start_ns=5, onset_ns=5, end_ns=6, seed=0,
+    ...     object="7", other="3")
+    >>> attacked_words(label), attacked_words(replace(label, other=None), {replace(label, other=None): "car"})
+    ('objects 7 and 3', 'car 7')
+    """
+    if label.object is None:
+        return ""
+    first = f"{(kinds or {}).get(label) or ('object' if label.other is None else 'objects')} {label.object}"
+    return first if label.other is None else f"{first} and {label.other}"
+
+
 def headline(run: Run) -> str:
     """The verdict in one sentence."""
     if run.alerts:
         first = run.alerts[0]
         start_s = run.trace.since_start_s([first.raised.alert.onset_ns])[0]
         said = accusation(first.raised.alert.type, first.raised.alert.source, first.object)
+        if other := _swapped_with(run, first):
+            said = f"{first.raised.alert.source} gives {first.object} another's track id, {other}"
         others = len(run.alerts) - 1
         more = "" if not others else f", and {others} more alert{'s' if others > 1 else ''}"
         return f"{said[0].upper()}{said[1:]}: from about {start_s:.1f} s on{more}."
@@ -96,6 +114,12 @@ def headline(run: Run) -> str:
     if open_questions:
         return f"No claim was contradicted, but not everything was checked: nothing is known of {_and(open_questions)}."
     return "No claim was contradicted: what the robot said agrees with what its camera saw."
+
+
+def _swapped_with(run: Run, traced: TracedAlert) -> str:
+    """The track id of another object that an accused one is called by; empty where it is not."""
+    key = (traced.raised.alert, traced.raised.stamp_ns)
+    return next((f.told_id for f in run.films if f.is_swapped and (f.alert, f.raised_ns) == key), "")
 
 
 def never_decided(run: Run) -> list[str]:
@@ -147,12 +171,13 @@ def alert_row(run: Run, traced: TracedAlert) -> dict[str, str]:
     """One alert, for the table."""
     raised, alert = traced.raised, traced.raised.alert
     onset_s, raised_s, end_s = run.trace.since_start_s([alert.onset_ns, raised.stamp_ns, traced.end_ns])
+    other = _swapped_with(run, traced)
     ends_with_run = traced.end_ns >= int(run.trace.stamps_ns[-1])
     return {
         "type": type_name(alert.type),
         "identifier": alert.type.value,
         "source": alert.source,
-        "object": traced.object or "",
+        "object": (traced.object or "") + (f", called id {other}" if other else ""),
         "onset": f"{onset_s:.2f} s (frame {run.trace.frame_at(alert.onset_ns)})",
         "raised": f"{raised_s:.2f} s (frame {raised.frame})",
         "delay": f"{traced.delay_ns * 1e-9:.2f} s",

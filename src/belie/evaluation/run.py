@@ -240,9 +240,9 @@ def run_detector(
     detector = detector or _detector(recording.cameras, config)
     trace = TraceRecorder()
     alerts, films, follower = AlertRecorder(), FilmRecorder(), ObjectFollower(recording.cameras)
-    attacked = AttackedObjects(labels or ())
     claims_predict = getattr(config, "profile", "default") == "paper"
-    told = ToldObjectsRecorder(None if claims_predict else getattr(config, "objects", None))
+    objects_settings = None if claims_predict else getattr(config, "objects", None)
+    attacked, told = AttackedObjects(labels or (), objects_settings), ToldObjectsRecorder(objects_settings)
     snapshots = SnapshotRecorder(recording.cameras, claims_predict=claims_predict)
     with closing(_closable(recording.steps())) as steps:
         for step in steps:

@@ -64,6 +64,7 @@ class LabelScore:
             "alert": self.label.alert.value,
             "sources": list(self.label.sources),
             "object": self.label.object,
+            "other": self.label.other,
             "onset_ns": self.label.onset_ns,
             "hit": None if self.hit is None else self.hit.to_json(),
             "delay_frames": self.delay_frames,

@@ -151,7 +151,7 @@ class ToldObjectsRecorder:
             )
             if self._settings is None:
                 continue
-            asked = _asked(self._settings, view, size)
+            asked = demands(self._settings, view, size)
             passed = next((index for index, (holds, _) in enumerate(asked) if not holds), None)
             if passed is None:
                 known.lacks = None
@@ -182,8 +182,11 @@ class ToldObjectsRecorder:
         )
 
 
-def _asked(s: ObjectSettings, view: ObjectView, size: tuple[int, int]) -> list[tuple[bool, str]]:
-    """What must hold before an absence means anything, and what is said where it does not."""
+def demands(s: ObjectSettings, view: ObjectView, size: tuple[int, int]) -> list[tuple[bool, str]]:
+    """What must hold before an absence or another name means anything, and what is said where it does not.
+
+    `size` is the image's: width, height.
+    """
     return [
         (view.is_established, "told of too seldom or unsurely"),
         (longer_side(view.box_px) >= s.least_side_px, f"smaller than {s.least_side_px:g} px"),

@@ -19,7 +19,7 @@ STATUSES = tuple(Status)
 NOT_RUN = -1
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _MARK = "\0"  # where a number was: no label of a detector holds it
-_ABOUT_ONE = re.compile(r"^(.*) \S+ is (missing|called)\b")  # an object by label and name
+_ABOUT_ONE = re.compile(r"^(.*) (\S+) is (missing|called)\b")  # an object by label and name
 _QUANTITY = re.compile(r"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S.*)")
 
 
@@ -30,6 +30,16 @@ def without_numbers(reason: str) -> str:
     'lost: … of … corners found again'
     """
     return _NUMBER.sub("…", reason)
+
+
+def object_of(reason: str) -> str | None:
+    """The name of the one object that a reason is about, if it is about one.
+
+    >>> object_of("stop sign 7 is missing: leaving the view"), object_of("no message yet")
+    ('7', None)
+    """
+    match = _ABOUT_ONE.match(reason)
+    return None if match is None else match[2]
 
 
 @dataclass(slots=True)
@@ -49,7 +59,7 @@ class Reasons:
 
     def add(self, reason: str) -> None:
         """Count a reason."""
-        reason = _ABOUT_ONE.sub(r"some \1 is \2", reason, count=1)
+        reason = _ABOUT_ONE.sub(r"some \1 is \3", reason, count=1)
         kind, numbers = _NUMBER.sub(_MARK, reason), _NUMBER.findall(reason)
         self._counts[kind] += 1
         for bounds, choose in ((self._least, min), (self._greatest, max)):

@@ -1,0 +1,97 @@
+"""Attacks that name no object are about one that stays in view."""
+
+import numpy as np
+import pytest
+
+from belie.attacks import attack, choose_objects, staying_objects
+from belie.attacks.timing import NS_PER_S
+from belie.types import AttackError, Detection, DetectionClaim, Frame, Step
+
+FRAMES = 80
+
+
+class Road:
+    """Objects as {track id: (first frame, last frame, side in px)}."""
+
+    cameras, body_axes = {}, "flu"
+
+    def __init__(self, **objects):
+        self.objects, self.read = objects, 0
+
+    def frame_stamps_ns(self):
+        return np.arange(FRAMES) * NS_PER_S // 10
+
+    def steps(self):
+        for k, t in enumerate(self.frame_stamps_ns().tolist()):
+            self.read = k
+            told = tuple(
+                Detection(label="car", score=0.9, track_id=name, box_px=[10, 10, 10 + side, 10 + side / 2])
+                for name, (first, last, side) in self.objects.items()
+                if first <= k <= last
+            )
+            frame = Frame(camera="/image", stamp_ns=t, received_ns=t, image=np.zeros((4, 6), np.uint8))
+            claim = DetectionClaim(source="/d", stamp_ns=t, received_ns=t, detections=told)
+            yield Step(frame=frame, claims=(claim,))
+
+
+def chosen(road, *specs, least_px=0.0):
+    return [choice.spec.to_text() for choice in choose_objects(road, specs, least_px=least_px)]
+
+
+PASSING = {"passing": (20, 45, 200), "ahead": (0, 79, 60), "far": (0, 79, 20)}
+
+
+def test_the_largest_that_stays_is_chosen_not_the_largest_that_passes():
+    road = Road(**PASSING)
+    assert attack(road, "detections-hide:start=40,stop=60").labels[0].object == "passing"
+    ((ahead,),) = [choice.objects for choice in choose_objects(road, ["detections-hide:start=40,stop=60"])]
+    assert (ahead.track_id, ahead.label, ahead.size_px) == ("ahead", "car", (60, 30))
+    assert (ahead.first_frame, ahead.last_frame) == (0, 64)
+    assert road.read == 64  # the rest of a long recording is not waited for
+
+
+def test_it_stays_until_the_attack_is_over_if_any_does():
+    road = Road(**PASSING, leaving=(0, 66, 90))
+    assert chosen(road, "detections-hide:start=40,stop=60") == [
+        "detections-hide:object=leaving,start=40,stop=60"
+    ]
+    assert chosen(road, "detections-hide:start=40") == ["detections-hide:object=ahead,start=40"]
+    only = Road(leaving=(0, 66, 90))
+    assert chosen(only, "detections-hide:start=40") == ["detections-hide:object=leaving,start=40"]
+
+
+def test_where_none_stays_it_is_said():
+    road = Road(passing=(20, 45, 200), small=(0, 79, 20))
+    (choice,) = choose_objects(road, ["paper-hiding:start=40"], least_px=24.0)
+    assert choice.lacks
+    assert choice.spec.to_text() == "paper-hiding:start=40"
+    assert staying_objects(Road(), 40) == []
+
+
+def test_what_is_said_is_kept_and_what_needs_no_object_is_left():
+    specs = ["odometry-freeze:start=40", "detections-hide:object=far,start=40", "detections-delay:start=40"]
+    specs.append("detections-phantom:start=40")
+    assert chosen(Road(**PASSING), *specs) == specs
+
+
+def test_a_swap_takes_two_that_stay_and_attacks_that_follow_what_is_left():
+    road = Road(**PASSING)
+    assert chosen(road, "detections-swap:start=40,stop=60") == [
+        "detections-swap:other=far,object=ahead,start=40,stop=60"
+    ]
+    assert chosen(road, "detections-swap:other=ahead,start=40,stop=60") == [
+        "detections-swap:other=ahead,object=far,start=40,stop=60"
+    ]
+    both = chosen(road, "detections-hide:start=40,stop=60", "detections-relabel:start=40,stop=60")
+    assert [text.partition(",")[0] for text in both] == [
+        "detections-hide:object=ahead",
+        "detections-relabel:object=far",
+    ]
+    # To call a car a car would be no lie.
+    (choice,) = choose_objects(road, ["detections-relabel:to=car,start=40"])
+    assert choice.lacks
+
+
+def test_a_wrong_start_is_an_error():
+    with pytest.raises(AttackError, match="the recording has 80 frames"):
+        choose_objects(Road(), ["detections-hide:start=90"])
