@@ -13,6 +13,7 @@ from belie.types import Detection, DetectionClaim, Frame
 
 WIDTH, HEIGHT, FRAME_NS, RATE = 480, 320, 100_000_000, 0.1
 MODEL = CameraModel(width=WIDTH, height=HEIGHT, fx=400, fy=400, cx=239.5, cy=159.5)
+CHECKS = ("hiding", "misclassification")
 BOXES = [[20.0, 140, 80, 180], [120, 130, 220, 200], [260, 150, 300, 180], [330, 100, 460, 220]]
 
 
@@ -34,12 +35,14 @@ def test_the_shares_of_those_that_may_be_accused_add_up_to_one():
         stream = stage.streams["/detections"]
         messages = 3600.0 / max(stream.interval_s, 1e-3)
         given = [
-            messages / np.exp(stream.shares.threshold("hiding", track))
+            messages / np.exp(stream.shares.threshold(check, track))
             for track in stream.tracks
+            for check in CHECKS
             if track.name in known
         ]
         if known:
-            sums.append((len(given), sum(given)))
+            sums.append((len(given) // 2, sum(given)))
         known = {t.name for t in stream.tracks if t.weight >= config.objects.established}
+    share = sum(RATE_SHARE[check] for check in CHECKS)
     assert {count for count, _ in sums} >= {2, 4}
-    assert [total for _, total in sums] == pytest.approx([RATE * RATE_SHARE["hiding"]] * len(sums))
+    assert [total for _, total in sums] == pytest.approx([RATE * share] * len(sums))

@@ -12,12 +12,16 @@ from belie.detector.object_track import ObjectTrack
 from belie.geometry.boxes import longer_side, root_area
 
 RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
-_LARGE_PX = 1e3  # names are no harder to tell of small objects
+_TESTS = ("hiding", "misclassification")
 
 
 @dataclass(slots=True)
 class ObjectShares:
-    """The shares of one stream's objects: what is twice as near is reached in half the time, so it weighs twice."""
+    """The shares of one stream's objects.
+
+    Where nothing is known of what a message tells (boxes with nothing in them), larger objects are given more: what is
+    twice as near is reached in half the time.
+    """
 
     false_alarms_per_hour: float
     width_px: int
@@ -31,16 +35,18 @@ class ObjectShares:
         self._sides_px = sum(self._side(track) for track in tracks)
 
     def share_out(self, tracks: Sequence[ObjectTrack], interval_s: float) -> None:
-        """Give every object its share, before a message is judged."""
+        """Give every object its share, before a message is judged; what is left over of names pays for hiding."""
         self.messages_per_hour = 3600.0 / max(interval_s, 1e-3)
         may = [track for track in tracks if self._may_be_accused(track)]
-        for check in ("hiding", "misclassification"):
-            sides = [root_area(track.box_px) if check == "hiding" else _LARGE_PX for track in may]
-            steps = [_test(t, check).steps(interval_s, px) for t, px in zip(may, sides, strict=True)]
-            first, each = np.array(steps).reshape(-1, 2).T
-            rate = self.false_alarms_per_hour * RATE_SHARE[check] / self.messages_per_hour
-            given = shared_thresholds(first, each, rate)
-            self._given[check] = dict(zip([track.number for track in may], given.tolist(), strict=True))
+        steps = [track.hiding.steps(interval_s, root_area(track.box_px)) for track in may]
+        steps += [track.naming.steps(interval_s) for track in may]
+        first, each = np.array(steps).reshape(-1, 2).T
+        rate = sum(RATE_SHARE[check] for check in _TESTS) * self.false_alarms_per_hour
+        given = shared_thresholds(first, each, rate / self.messages_per_hour).tolist()
+        numbers = [track.number for track in may]
+        self._given = {
+            check: dict(zip(numbers, given[k * len(may) :], strict=False)) for k, check in enumerate(_TESTS)
+        }
 
     def threshold(self, check: str, track: ObjectTrack | None) -> float:
         """Of a test about an object, nats; about an only one, where it is None.

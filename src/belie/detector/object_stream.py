@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
-from belie.checks.objects import ErrorTest, Habit, ObjectSettings
+from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
 from belie.detector.association import assign, named
 from belie.detector.covering import Covering
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack, in_view
@@ -20,6 +22,7 @@ from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
+_REMEMBERED = 1000  # objects that are gone
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
 _STEPS = 9  # messages from which their rate is told
@@ -57,13 +60,22 @@ class ObjectStream:
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
     _made: int = 0
+    _gone: deque[tuple[Counts, Counts]] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px)
-        self.misnamed = Habit(
-            s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px
+        self.missed, self.misnamed = (
+            Habit(
+                rate,
+                s.persistence_s,
+                s.prior_messages,
+                s.prior_gaps,
+                s.half_seen_px,
+                s.object_messages,
+                s.object_gaps,
+            )
+            for rate in (s.miss_rate, s.confusion_rate)
         )
         self.shares = ObjectShares(self.false_alarms_per_hour, self.camera.width, s)
 
@@ -79,7 +91,10 @@ class ObjectStream:
         turns_px = self._turns_px(R_cur_prev)
         for track, turn_px in zip(self.tracks, turns_px, strict=True):
             track.follow(previous, current, stamp_ns, self.tracking, turn_px)
-        self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
+        lost = [self._is_lost(track, stamp_ns, current.size) for track in self.tracks]
+        for track in compress(self.tracks, lost):
+            self._gone.append((track.hiding.own, track.naming.own))
+        self.tracks = [track for track, is_lost in zip(self.tracks, lost, strict=True) if not is_lost]
         self.shares.weigh(self.tracks)
 
     def _turns_px(self, R_cur_prev: FloatArray | None) -> FloatArray:
@@ -191,16 +206,13 @@ class ObjectStream:
                 i, others = tracks[k], np.flatnonzero(covering.which[k])
                 covering.besides(k, others[self.tracks[i].shows_through(boxes[others], then[i])])
 
-    def habits(self) -> dict[str, float]:
-        """How often this detector was seen to err, for how long, and in how many messages about objects."""
-        missed, named = self.missed, self.misnamed
-        interval_s = max(self.interval_s, 1e-3)
-        return {
-            "miss_rate": missed.share(),
-            "confusion_rate": named.share(),
-            "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
-            "messages": missed.stream.right + missed.stream.wrong,
-        }
+    def habits(self) -> ObjectHabits:
+        """How often this detector was seen to err, and for how long."""
+        now = [(track.hiding.own, track.naming.own) for track in self.tracks]
+        return ObjectHabits(
+            interval_s=max(self.interval_s, 1e-3), missed=self.missed.stream, misnamed=self.misnamed.stream,
+            objects=(*self._gone, *now), steps=tuple(self.missed.steps),
+        )  # fmt: skip
 
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)

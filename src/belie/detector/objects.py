@@ -7,6 +7,7 @@ import numpy as np
 from belie.checks.objects import ObjectSettings
 from belie.detector.alerts import Judgement
 from belie.detector.object_answers import answer, withhold
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_stream import ObjectStream
 from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
@@ -56,7 +57,7 @@ class ObjectStage:
             for track in stream.tracks
         )
 
-    def habits(self) -> dict[str, dict[str, float]]:
+    def habits(self) -> dict[str, ObjectHabits]:
         """How each detector errs, by source."""
         return {source: stream.habits() for source, stream in self.streams.items()}
 
