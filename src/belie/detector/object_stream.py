@@ -228,8 +228,6 @@ class ObjectStream:
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
-        if track.is_soft:
-            track.look_for(current, stamp_ns, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         # A box with nothing in it was no object: nobody hides it.
         if track.phantom.accused:

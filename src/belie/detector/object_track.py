@@ -25,8 +25,6 @@ _LOST = 2  # corners
 _RESTS = 4  # frames
 _EDGE = 0.1  # of the side: two standard deviations of a detected edge
 _LEAD = 0.3
-_COVERED = 0.1  # of its box: more would be a picture of who covers it
-_STRAYS = 0.5  # of its side: who walks (1.7 m tall) and turns or stops is as far from where he was expected after 1 s
 
 
 @dataclass(slots=True)
@@ -61,9 +59,7 @@ class ObjectTrack:
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
     growth: float = 1.0
     shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
-    places_then: FloatArray = field(
-        default_factory=lambda: np.empty((0, 2))
-    )  # of its proven corners, when it was last detected
+    corners_then: int = 0  # when it was last detected
     contrast: float = 0.0
     contrast_then: float = 0.0
     last_seen_ns: int = 0
@@ -93,10 +89,6 @@ class ObjectTrack:
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
     likeness: Likeness = field(default_factory=Likeness)
-    is_shown: bool = False  # by its picture, where its corners do not last and it is not told of
-    strayed_px: FloatArray = field(
-        default_factory=lambda: np.zeros(2)
-    )  # of its picture, from where it was expected since it was told of
     turned_px: FloatArray = field(
         default_factory=lambda: np.zeros(2)
     )  # its shift by the camera's rotation, since then
@@ -199,11 +191,6 @@ class ObjectTrack:
         return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
     @property
-    def corners_then(self) -> int:
-        """How many of its corners were proven when it was last detected."""
-        return len(self.places_then)
-
-    @property
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
         return self.corners_then < 2 * LEAST_CORNERS
@@ -218,7 +205,6 @@ class ObjectTrack:
             correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
-        self.is_shown, self.strayed_px = False, np.zeros(2)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
         # Of what is cut at the border, at most as much again is believed to lie outside: else it grows for ever.
         width, height = told[2] - told[0], told[3] - told[1]
@@ -270,7 +256,7 @@ class ObjectTrack:
         if not covered.any():
             self.open_then = self.corners_px, self.box_px, self.ages, self.births
         self.told_before = None if self.told_px is None else (frame, self.told_px)
-        self.places_then = self.places[self._leads()]
+        self.corners_then = self.proven
         self.contrast_then = self.contrast
 
     def miss(
@@ -285,23 +271,6 @@ class ObjectTrack:
         if self.proven >= LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
-
-    def look_for(self, current: ImageStack, stamp_ns: int, cover: float) -> None:
-        """It was not told of, and its corners do not last: whether its picture is where it should be.
-
-        The background that its picture resembles stays behind, where the object goes on: it strays. `cover`, the share
-        of its box that others may hide, shows theirs.
-        """
-        self.is_shown = False
-        if max(cover, self.hidden_then) > _COVERED:
-            return
-        shift_px = self.likeness.look(current, self.box_px)
-        strayed_px = self.strayed_px if shift_px is None else self.strayed_px + shift_px
-        is_near = float(np.linalg.norm(strayed_px)) < _STRAYS * longer_side(self.box_px)
-        if shift_px is not None and is_near:
-            self.strayed_px = strayed_px
-            self._correct(np.tile(shift_px, 2), stamp_ns)
-        self.is_shown = shift_px is not None and is_near and self.likeness.vouches
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
@@ -335,23 +304,16 @@ class ObjectTrack:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
-        gone = "" if self.is_shown else self._corners_gone(size, settings, by_boxes=by_boxes)
-        if not gone and self.contrast < settings.least_contrast * self.contrast_then:
-            return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
-        return gone
-
-    def _corners_gone(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool) -> str:
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
-        # Those that have left the view cannot be found again.
-        px = self.box_px[:2] - 0.5 + self.places_then * (self.box_px[2:] - self.box_px[:2])
-        expected = int(((px >= 0.0) & (px < np.array(size))).all(axis=1).sum())
-        there = proven / max(expected, 1)
+        there = proven / self.corners_then
         if there < settings.least_present or proven < LEAST_CORNERS:
             if self.is_soft:  # some are lost in every image: that tells nothing
                 return f"too few corners on it: {proven} of {self.corners_then} are found again"
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
+        if self.contrast < settings.least_contrast * self.contrast_then:
+            return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
 
     def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
