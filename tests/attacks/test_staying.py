@@ -15,8 +15,8 @@ class Road:
 
     cameras, body_axes = {}, "flu"
 
-    def __init__(self, **objects):
-        self.objects, self.read = objects, -1
+    def __init__(self, every=1, **objects):
+        self.objects, self.every, self.read = objects, every, -1
 
     def frame_stamps_ns(self):
         return np.arange(FRAMES) * NS_PER_S // 10
@@ -32,7 +32,7 @@ class Road:
             )
             frame = Frame(camera="/image", stamp_ns=t, received_ns=t, image=np.zeros((4, 6), np.uint8))
             claim = DetectionClaim(source="/d", stamp_ns=t, received_ns=t, detections=told)
-            yield Step(frame=frame, claims=(claim,))
+            yield Step(frame=frame, claims=(claim,) if k % self.every == 0 else ())
 
 
 def chosen(road, *specs, least_px=0.0):
@@ -68,6 +68,13 @@ def test_where_none_stays_so_long_ten_frames_are_enough():
     ]
     late = Road(passing=(20, 71, 200), ahead=(0, 79, 60))  # as far as the recording tells
     assert chosen(late, "detections-hide:start=70") == ["detections-hide:object=ahead,start=70"]
+
+
+def test_a_slow_detector_tells_of_what_stays_now_and_then():
+    slow = Road(every=11, **PASSING)
+    assert chosen(slow, "detections-hide:start=40,stop=60") == [
+        "detections-hide:object=ahead,start=40,stop=60"
+    ]
 
 
 def test_where_none_stays_it_is_said():

@@ -26,7 +26,7 @@ from belie.types import DetectionClaim
 # Frames around the onset: known before, and in view well past the paper's ten frames.
 _BEFORE, _AFTER = 15, 25
 _LEAST_AFTER = 10  # frames: in fewer, nobody could miss it
-_LAST = 3  # frames of the time for which it has to stay, of which one must tell of it: detectors flicker
+_LAST = 3  # messages of the time for which it has to stay, of which one must tell of it: detectors flicker
 _SHARE = 0.8  # of the messages in which the honest detector reports it
 
 
@@ -44,6 +44,8 @@ class StayingObject:
         The longer side of its smallest box since the attack began.
     first_frame, last_frame : int
         In which frames it was told of first, and last before the attack was over.
+    missed_last : int
+        How many messages came after that without it.
     """
 
     source: str
@@ -53,6 +55,7 @@ class StayingObject:
     least_px: float
     first_frame: int
     last_frame: int
+    missed_last: int
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -91,8 +94,9 @@ def staying_objects(
                     if d.track_id and box_px is not None:
                         one = told.setdefault((claim.source, d.track_id), _Told(d.label, number))
                         one.add(number, box_px, is_near=is_near, is_attacked=number >= start_frame)
+                        one.heard = messages[claim.source]
     staying = [
-        (one.least_px2, one.staying(*key))
+        (one.least_px2, one.staying(*key, missed_last=messages[key[0]] - one.heard))
         for key, one in told.items()
         if messages[key[0]] > 1 and one.near >= _SHARE * messages[key[0]]
     ]
@@ -107,6 +111,7 @@ class _Told:
     first: int
     last: int = 0
     near: int = 0  # messages around the attack
+    heard: int = 0  # the same with and without it, up to its last
     least_px: float = np.inf
     least_px2: float = np.inf
     box_px: FloatArray = field(default_factory=lambda: np.zeros(4))
@@ -122,10 +127,10 @@ class _Told:
         if not self.is_attacked:  # as the attack finds it
             self.box_px, self.is_attacked = box_px, is_attacked
 
-    def staying(self, source: str, track_id: str) -> StayingObject:
+    def staying(self, source: str, track_id: str, *, missed_last: int) -> StayingObject:
         return StayingObject(
             source=source, track_id=track_id, label=self.label, box_px=self.box_px, least_px=self.least_px,
-            first_frame=self.first, last_frame=self.last,
+            first_frame=self.first, last_frame=self.last, missed_last=missed_last,
         )  # fmt: skip
 
 
@@ -196,7 +201,7 @@ def _chosen(source: Source, spec: AttackSpec, least_px: float) -> Choice:
         [
             one
             for one in staying_objects(source, start, end, topic=topic)
-            if one.last_frame >= end - _LAST and one.least_px >= least_px
+            if one.missed_last < _LAST and one.least_px >= least_px
             and one.label != label and one.track_id != other
         ]
         for end in sorted({min(end, len(clock)) for end in ends if end >= start + _LEAST_AFTER}, reverse=True)
