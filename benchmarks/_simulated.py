@@ -15,6 +15,7 @@ from belie.checks.objects import ObjectSettings
 from belie.detector import Config
 from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.default_profile import DefaultProfile
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.objects import ObjectStage
 from belie.detector.paper_profile import PaperProfile
 from belie.detector.scene_witness import Scene
@@ -165,8 +166,8 @@ class Judge:
         other.__dict__ = copy.deepcopy(self.__dict__, memo)
         return other
 
-    def habits(self) -> list[dict[str, float]]:
-        """What was learned of each detector."""
+    def habits(self) -> list[ObjectHabits]:
+        """What was seen of each detector."""
         return list(self._stage.habits().values())
 
     def look(self, index: int, step: Step) -> tuple[list[Judgement], list[Alert]]:

@@ -14,8 +14,10 @@ from _simulated import Drive, Judge, claims_of, drive_of
 from belie.attacks import attack
 from belie.checks.objects import ObjectSettings
 from belie.detector import Config
+from belie.detector.object_habits import ObjectHabits
 from belie.evaluation.bench.cases import DriveCase
 from belie.evaluation.bench.pictures import Pictures
+from belie.evaluation.calibrate_habits import fitted
 from belie.geometry import box_iou
 from belie.simulation.labels import ObjectLabel
 from belie.types import AlertType, DetectionClaim, Status
@@ -135,15 +137,15 @@ def run(
 
 def calibrated(drive: Drive, seeds: Sequence[int], miss_run: float | None) -> ObjectSettings:
     """Settings as ``belie calibrate`` learns them, from clean runs of other seeds on the same pictures."""
-    learnt: list[dict[str, float]] = []
+    seen: list[ObjectHabits] = []
     for seed in seeds:
         recording = claims_of(drive, seed, "default", miss_run)
         judge = Judge(recording, drive, "default", rate=1e-300)
         for index, step in enumerate(recording.joined):
             judge.look(index, step)
-        learnt += judge.habits()
-    found = {name: max(h[name] for h in learnt) for name in ("miss_rate", "confusion_rate", "persistence_s")}
-    return Config().objects.model_copy(update=found)
+        seen += judge.habits()
+    settings = Config().objects
+    return settings.model_copy(update=fitted(seen, settings))
 
 
 def choose(fit: Sequence[Target], attacks: int, case: DriveCase) -> list[tuple[str, Target]]:

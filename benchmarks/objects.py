@@ -3,7 +3,8 @@
 Annotated objects (`shared/data`) are told by a detector with 3 % box jitter, 5 % misses and 2 % label flips among
 vehicles. Each object that is visible and larger than 24 px is hidden for 5 to 20 frames, renamed, at several onsets;
 a hit is an alert of the right type that names the object within five attacked frames, and no other alert before it.
-``--profile paper`` holds the paper's own check (section III-C to the letter) to the same bars.
+``--calibrated 101 102`` learns the detector's habits first, from honest runs of other seeds, as ``belie calibrate``
+does. ``--profile paper`` holds the paper's own check (section III-C to the letter) to the same bars.
 """
 
 from __future__ import annotations
@@ -20,11 +21,14 @@ import numpy as np
 from _object_recordings import RECORDINGS, SOURCE, AnnotatedImages, annotated, detected
 from _recordings import MemoryRecording
 from belie.attacks import attack
+from belie.checks.objects import ObjectSettings
 from belie.detector import Config
 from belie.detector.alerts import AlertBook, Judgement
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.objects import ObjectStage
 from belie.detector.paper_profile import PaperProfile
 from belie.detector.scene_witness import Scene
+from belie.evaluation.calibrate_habits import fitted
 from belie.evaluation.intervals import wilson_interval
 from belie.odometry import VisualOdometry
 from belie.types import Alert, AlertType, MountedCamera, Status, Step, VisualEstimate
@@ -63,14 +67,35 @@ def sights(name: str) -> list[tuple[VisualEstimate, Scene]]:
     return [(odometry.update(frame), odometry.scene()) for frame in images.frames]
 
 
-def judge_of(name: str, camera: MountedCamera, profile: str) -> Callable[[int, Step], list[Judgement]]:
+def seen_of(name: str, seed: int) -> list[ObjectHabits]:
+    """What an honest run shows of the detector, where nobody is accused."""
+    recording, config = detected(annotated(name), seed), Config()
+    (camera,) = recording.cameras.values()
+    stage = ObjectStage(camera.model, config.objects, config.tracking, 1e-300)
+    for step, sight in zip(recording.steps(), sights(name), strict=True):
+        stage.take(step.claims, step.frame.stamp_ns)
+        stage.update(step.frame, *sight)
+    return list(stage.habits().values())
+
+
+@cache
+def settings_of(name: str, teachers: tuple[int, ...]) -> ObjectSettings:
+    """As ``belie calibrate`` learns them from honest runs of other seeds."""
+    settings = Config().objects
+    seen = [habits for seed in teachers for habits in seen_of(name, seed)]
+    return settings.model_copy(update=fitted(seen, settings)) if seen else settings
+
+
+def judge_of(
+    name: str, camera: MountedCamera, profile: str, teachers: tuple[int, ...] = ()
+) -> Callable[[int, Step], list[Judgement]]:
     """The object checks of a profile alone."""
     config = Config()
     if profile == "paper":
         paper = PaperProfile("", camera, config)
         return lambda index, step: paper.update(step.frame, step.claims)
     stage = ObjectStage(
-        camera.model, config.objects, config.tracking, config.sequential.false_alarms_per_hour
+        camera.model, settings_of(name, teachers), config.tracking, config.sequential.false_alarms_per_hour
     )
 
     seen = sights(name)
@@ -82,10 +107,12 @@ def judge_of(name: str, camera: MountedCamera, profile: str) -> Callable[[int, S
     return judge
 
 
-def alerts_of(recording: MemoryRecording, profile: str) -> tuple[list[tuple[int, Alert]], Counter[str]]:
+def alerts_of(
+    recording: MemoryRecording, profile: str, teachers: tuple[int, ...] = ()
+) -> tuple[list[tuple[int, Alert]], Counter[str]]:
     """Every alert with the frame in which it was raised, and the answers by status."""
     (camera,) = recording.cameras.values()
-    judge = judge_of(recording.name, camera, profile)
+    judge = judge_of(recording.name, camera, profile, teachers)
     book, raised, statuses = AlertBook(), [], Counter[str]()
     for index, step in enumerate(recording.steps()):
         judgements = judge(index, step)
@@ -142,16 +169,16 @@ def specs_of(images: AnnotatedImages, onsets: int) -> list[tuple[str, str]]:
     return specs
 
 
-def run(job: tuple[str, str, str, int, str, int]) -> Trial:
+def run(job: tuple[str, str, str, int, str, int, tuple[int, ...]]) -> Trial:
     """One trial."""
-    name, family, spec, seed, profile, within = job
+    name, family, spec, seed, profile, within, teachers = job
     attacked = attack(detected(annotated(name), seed), spec)
     (label,) = attacked.labels
     last = label.start_frame + within + 3
     steps = tuple(attacked.steps())[:last]
     base = detected(annotated(name), seed)
     cut = MemoryRecording(name=name, cameras=base.cameras, joined=steps)
-    raised, statuses = alerts_of(cut, profile)
+    raised, statuses = alerts_of(cut, profile, teachers)
     delay, wrong = None, []
     for index, alert in raised:
         right = alert.type is label.alert and alert.object == label.object and alert.source == SOURCE
@@ -171,11 +198,11 @@ def is_end_of_annotation(images: AnnotatedImages, alert: Alert, index: int) -> b
     return alert.type is AlertType.OBSTACLE_HIDING and index - 8 <= last.get(alert.object or "", -99) < index
 
 
-def honest(job: tuple[str, int, str]) -> tuple[str, int, list[str], Counter[str]]:
+def honest(job: tuple[str, int, str, tuple[int, ...]]) -> tuple[str, int, list[str], Counter[str]]:
     """An unattacked run: its alerts, all false."""
-    name, seed, profile = job
+    name, seed, profile, teachers = job
     images = annotated(name)
-    raised, statuses = alerts_of(detected(images, seed), profile)
+    raised, statuses = alerts_of(detected(images, seed), profile, teachers)
     told = [
         f"{name}, seed {seed}, frame {i}: {a.type.value} of {a.object}"
         for i, a in raised
@@ -196,11 +223,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--recordings", nargs="+", default=list(RECORDINGS), choices=RECORDINGS)
     parser.add_argument("--profile", default="default", choices=("default", "paper"))
     parser.add_argument("--families", nargs="+", default=["hide", "relabel", "phantom"])
+    parser.add_argument(
+        "--calibrated",
+        type=int,
+        nargs="+",
+        default=[],
+        help="seeds of honest runs that teach its habits first",
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--misses", action="store_true", help="list every miss")
     chosen = parser.parse_args(arguments)
+    teachers = tuple(chosen.calibrated)
     jobs = [
-        (name, family, spec, seed, chosen.profile, chosen.within)
+        (name, family, spec, seed, chosen.profile, chosen.within, teachers)
         for name in chosen.recordings
         for family, spec in specs_of(annotated(name), chosen.onsets)
         if family.split()[0] in chosen.families
@@ -208,9 +243,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     for name in chosen.recordings:
         sights(name)  # before the fork: once for all
+        settings_of(name, teachers)
     with multiprocessing.get_context("fork").Pool(chosen.jobs) as pool:
         clean = pool.map(
-            honest, [(n, s, chosen.profile) for n in chosen.recordings for s in range(chosen.honest_seeds)]
+            honest,
+            [(n, s, chosen.profile, teachers) for n in chosen.recordings for s in range(chosen.honest_seeds)],
         )
         trials = pool.map(run, jobs, chunksize=4)
     false = [line for _, _, told, _ in clean for line in told]

@@ -78,12 +78,16 @@ def test_where_everything_stands_still_a_hidden_object_is_named():
 
 
 def test_fog_hides_nothing_while_the_image_is_clean():
-    """A contrast of six gray levels is enough at a noise of 0.7, and not at a noise of 4."""
+    """A contrast of six gray levels is enough at a noise of 4, by the picture as a whole; one of two is not."""
     pale = Thing("7", texture(1, 60, 40, 6.0), stand(200, 140, 260, 180), before(20))
     fog = texture(0, WIDTH, HEIGHT, 2.0)
     alerts, _, _ = watch([pale], 30, noise=0.7, backdrop=fog)
     assert [(kind, name) for _, kind, name in alerts] == [("obstacle_hiding", "7")]
-    alerts, results, _ = watch([pale], 30, noise=4.0, backdrop=fog)
+    alerts, results, _ = watch([pale], 40, noise=4.0, backdrop=fog)
+    assert [(kind, name) for _, kind, name in alerts] == [("obstacle_hiding", "7")]
+    assert "its picture is the same" in results[35]["hiding"].reason
+    faint = Thing("7", texture(1, 60, 40, 2.0), stand(200, 140, 260, 180), before(20))
+    alerts, results, _ = watch([faint], 30, noise=4.0, backdrop=fog)
     assert alerts == []
     assert results[25]["hiding"].status is Status.UNDECIDED
     assert "too few corners" in results[25]["hiding"].reason

@@ -6,21 +6,24 @@ import numpy as np
 import pytest
 
 from belie.detector import Config
-from belie.detector.object_stream import _RATE_SHARE
+from belie.detector.object_shares import RATE_SHARE
 from belie.detector.objects import ObjectStage
 from belie.geometry import CameraModel
 from belie.types import Detection, DetectionClaim, Frame
 
 WIDTH, HEIGHT, FRAME_NS, RATE = 480, 320, 100_000_000, 0.1
 MODEL = CameraModel(width=WIDTH, height=HEIGHT, fx=400, fy=400, cx=239.5, cy=159.5)
+CHECKS = ("hiding", "misclassification")
 BOXES = [[20.0, 140, 80, 180], [120, 130, 220, 200], [260, 150, 300, 180], [330, 100, 460, 220]]
 
 
-def test_the_shares_add_up_to_one_in_the_message_in_which_objects_appear():
+def test_the_shares_of_those_that_may_be_accused_add_up_to_one():
     config, rng = Config(), np.random.default_rng(0)
     stage = ObjectStage(MODEL, config.objects, config.tracking, RATE)
     picture = rng.integers(40, 200, (HEIGHT, WIDTH)).astype(np.uint8)
-    for k, count in enumerate([1, 1, 4, 4, 2, 2]):
+    known: set[str] = set()
+    sums = []
+    for k, count in enumerate([2, 2, 2, 2, 2, 4, 4, 4, 4, 4, 4, 1, 1, 1]):
         told = tuple(
             Detection(label="car", score=0.9, track_id=str(i), box_px=np.array(box))
             for i, box in enumerate(BOXES[:count])
@@ -30,7 +33,16 @@ def test_the_shares_add_up_to_one_in_the_message_in_which_objects_appear():
         stage.take((claim,), now)
         stage.update(Frame(camera="/image", stamp_ns=now, received_ns=now, image=picture))
         stream = stage.streams["/detections"]
-        if k:
-            messages = 3600.0 / stream.interval_s
-            given = [messages / np.exp(stream.threshold("hiding", track)) for track in stream.tracks]
-            assert sum(given) == pytest.approx(RATE * _RATE_SHARE["hiding"])
+        messages = 3600.0 / max(stream.interval_s, 1e-3)
+        given = [
+            messages / np.exp(stream.shares.threshold(check, track))
+            for track in stream.tracks
+            for check in CHECKS
+            if track.name in known
+        ]
+        if known:
+            sums.append((len(given) // 2, sum(given)))
+        known = {t.name for t in stream.tracks if t.weight >= config.objects.established}
+    share = sum(RATE_SHARE[check] for check in CHECKS)
+    assert {count for count, _ in sums} >= {2, 4}
+    assert [total for _, total in sums] == pytest.approx([RATE * share] * len(sums))

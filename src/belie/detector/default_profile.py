@@ -18,6 +18,7 @@ from belie.checks import CameraCheck, ImuCheck, OdometryCheck, PositionCheck
 from belie.detector.alerts import Judgement
 from belie.detector.config import Config
 from belie.detector.eyes import Eyes
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_view import ObjectView
 from belie.detector.objects import ObjectStage
 from belie.detector.seen_path import SeenPath
@@ -76,7 +77,7 @@ class DefaultProfile:
         """The objects that detectors told of, as they stand after the last frame."""
         return self._objects.views
 
-    def object_habits(self) -> dict[str, dict[str, float]]:
+    def object_habits(self) -> dict[str, ObjectHabits]:
         """How each object detector errs, by source; see `Detector.object_habits`."""
         return self._objects.habits()
 

@@ -11,6 +11,7 @@ from belie.detector.alerts import AlertBook, Judgement
 from belie.detector.config import Config
 from belie.detector.default_profile import DefaultProfile
 from belie.detector.eyes import Eyes
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_view import ObjectView
 from belie.detector.paper_profile import PaperProfile
 from belie.geometry import SE3, CameraModel, DistortionModel
@@ -93,12 +94,8 @@ class Detector:
         """The objects that detectors told of, as they stand after the last frame; made when asked for."""
         return self._profile.objects
 
-    def object_habits(self) -> dict[str, dict[str, float]]:
-        """How each object detector was seen to err, by source, in terms of `ObjectSettings`.
-
-        ``miss_rate`` and ``confusion_rate`` (share of messages about objects), ``persistence_s``, and how many
-        ``messages`` show it. Empty in the `paper` profile.
-        """
+    def object_habits(self) -> dict[str, ObjectHabits]:
+        """How each object detector was seen to err, by source; empty in the `paper` profile."""
         return self._profile.object_habits()
 
     def noise_scales(self) -> dict[str, dict[str, float]]:

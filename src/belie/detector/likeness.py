@@ -71,21 +71,26 @@ class Likeness:
         self._messages += 1
         asks = self._messages <= _FIRST or self._messages % _EVERY == 0
         if asks and self.picture is not None:
-            self._same += best_match(stack, self.picture, box_px)
+            self._same += best_match(stack, self.picture, box_px)[0]
             self._count += 1.0
             width = box_px[2] - box_px[0]
             for side in (-1.5, 1.5):
                 beside = box_px + side * width * np.array([1.0, 0.0, 1.0, 0.0])
                 if beside[0] >= 0.0 and beside[2] <= stack.size[0]:
-                    self._other += best_match(stack, self.picture, beside)
+                    self._other += best_match(stack, self.picture, beside)[0]
                     self._count_other += 1.0
         self.seen = stack, box_px
 
-    def look(self, stack: ImageStack, box_px: FloatArray) -> None:
-        """A message misnames it: add what its picture says."""
+    def look(self, stack: ImageStack, box_px: FloatArray) -> FloatArray | None:
+        """A message misnames it or does not tell of it: add what its picture says.
+
+        Returns where it is, seen from the box, px, shape (2,); None where the picture does not speak for it.
+        """
         if self.picture is None:
-            return
-        self.score = best_match(stack, self.picture, box_px)
+            return None
+        self.score, shift_px = best_match(stack, self.picture, box_px)
         same, other = self._same / self._count, self.beside
         told = ((self.score - other) ** 2 - (self.score - same) ** 2) / (2.0 * _SIGMA**2)
-        self.evidence += min(max(told, -_MOST), _MOST) if same > other else 0.0
+        told = min(max(told, -_MOST), _MOST) if same > other else 0.0
+        self.evidence += told
+        return shift_px if told > 0.0 else None

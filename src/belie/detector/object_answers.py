@@ -62,7 +62,7 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
                 )
     if accused:
         return accused
-    worst, threshold = stream.worst("hiding", stream.tracks)
+    worst, threshold = stream.shares.worst("hiding", stream.tracks)
     status = Status.UNDECIDED if doubtful else Status.CONSISTENT
     usual = f"{len(stream.tracks)} objects, none missing longer than usual"
     if stream.unfollowed:
@@ -87,7 +87,7 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
     ]  # fmt: skip
     if accused:
         return accused
-    worst, threshold = stream.worst("misclassification", stream.tracks)
+    worst, threshold = stream.shares.worst("misclassification", stream.tracks)
     status, reason = Status.CONSISTENT, f"{len(stream.tracks)} objects keep their names"
     if worst is not None and worst.naming.is_open:
         status = Status.UNDECIDED
@@ -105,7 +105,7 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
     accused = [
         Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
             check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
-            threshold=stream.threshold("injection", track), unit="llr", object=track.track_id or track.name,
+            threshold=stream.shares.threshold("injection", track), unit="llr", object=track.track_id or track.name,
             reason=f"{track.label} {track.track_id or track.name} {_where(track.box_px)}: nothing stands there; the "
             "corners in its box lie on the ground or the wall behind it"))
         for track in stream.tracks if track.phantom.accused and _is_told(track, stream)
@@ -114,7 +114,7 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
         return accused
     told = [track for track in stream.tracks if track.last_seen_ns == stream.last_ns]
     unseen = [track for track in told if track.phantom.why]
-    worst, threshold = stream.worst("injection", told)
+    worst, threshold = stream.shares.worst("injection", told)
     status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
     reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
     if status is Status.UNDECIDED:
@@ -133,7 +133,8 @@ def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
     """Shortest run that would be accused, of the largest object."""
     if not stream.interval_s:
         return None
-    messages = habit.shortest_run(stream.interval_s, stream.threshold(check, stream.largest()))
+    largest = stream.shares.largest(stream.tracks)
+    messages = habit.shortest_run(stream.interval_s, stream.shares.threshold(check, largest))
     return f"{messages * stream.interval_s:.1f} s"
 
 

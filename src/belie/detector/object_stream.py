@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
-from belie.checks.objects import ErrorTest, Habit, ObjectSettings, run_threshold
+from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
 from belie.detector.association import assign, named
 from belie.detector.covering import Covering
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
+from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
@@ -20,6 +22,7 @@ from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
+_REMEMBERED = 1000  # objects that are gone
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
 _STEPS = 9  # messages from which their rate is told
@@ -33,7 +36,6 @@ _BY_CORNERS = (
     "too few corners",
     "occluded or gone",
 )  # reasons to doubt a new name that its whole picture may refute
-_RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 1.0 / 6.0}
 
 
 @dataclass(slots=True)
@@ -50,45 +52,76 @@ class ObjectStream:
     waiting: list[DetectionClaim] = field(default_factory=list)
     last_ns: int | None = None
     interval_s: float = 0.0
-    sides_px: float = 0.0  # of all objects together
     unboxed: int = 0  # detections of the last message that tell neither an image box nor a size
     unfollowed: int = 0  # the same, that are smaller than all that are followed
     heard: bool = False  # a message was judged at the last frame
     unseen_ns: int = -1  # messages up to this stamp are about images that were not fit to judge by
     missed: Habit = field(init=False)
     misnamed: Habit = field(init=False)
+    shares: ObjectShares = field(init=False)
     _made: int = 0
+    _gone: deque[tuple[Counts, Counts]] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.missed = Habit(s.miss_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px)
-        self.misnamed = Habit(
-            s.confusion_rate, s.persistence_s, s.prior_messages, s.prior_gaps, s.half_seen_px
+        self.missed, self.misnamed = (
+            Habit(
+                rate,
+                s.persistence_s,
+                s.prior_messages,
+                s.prior_gaps,
+                s.half_seen_px,
+                s.object_messages,
+                s.object_gaps,
+            )
+            for rate in (s.miss_rate, s.confusion_rate)
         )
+        self.shares = ObjectShares(self.false_alarms_per_hour, self.camera.width, s)
 
     # -- images --------------------------------------------------------------------------------------
 
-    def follow(self, previous: ImageStack, current: ImageStack, stamp_ns: int) -> None:
-        """Carry every object to the new image; forget those that are lost or long gone."""
-        for track in self.tracks:
-            track.follow(previous, current, stamp_ns, self.tracking)
-        self.tracks = [track for track in self.tracks if not self._is_lost(track, stamp_ns, current.size)]
-        self._share_out()
+    def follow(
+        self, previous: ImageStack, current: ImageStack, stamp_ns: int, R_cur_prev: FloatArray | None = None
+    ) -> None:
+        """Carry every object to the new image; forget those that are lost or long gone.
+
+        `R_cur_prev`: the camera's rotation between the images, where it is known.
+        """
+        turns_px = self._turns_px(R_cur_prev)
+        for track, turn_px in zip(self.tracks, turns_px, strict=True):
+            track.follow(previous, current, stamp_ns, self.tracking, turn_px)
+        lost = [self._is_lost(track, stamp_ns, current.size) for track in self.tracks]
+        for track in compress(self.tracks, lost):
+            self._gone.append((track.hiding.own, track.naming.own))
+        self.tracks = [track for track, is_lost in zip(self.tracks, lost, strict=True) if not is_lost]
+        self.shares.weigh(self.tracks)
+
+    def _turns_px(self, R_cur_prev: FloatArray | None) -> FloatArray:
+        """How the camera's rotation shifts the middle of each object, shape (N, 2)."""
+        boxes = np.array([track.box_px for track in self.tracks]).reshape(-1, 4)
+        if R_cur_prev is None or not len(boxes):
+            return np.zeros((len(boxes), 2))
+        middles = 0.5 * (boxes[:, :2] + boxes[:, 2:]) - 0.5
+        rays = np.column_stack([self.camera.normalize(middles), np.ones(len(middles))])
+        shifts = self.camera.project(rays @ R_cur_prev.T) - middles
+        return np.where(np.isfinite(shifts), shifts, 0.0)
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
             return True
-        suspected = track.hiding.accused or track.was_accused
-        known_ns = max(track.last_seen_ns, track.last_found_ns if suspected else 0)
-        silent_ns, usual_ns = stamp_ns - known_ns, int(3e9 * self.interval_s)
-        if silent_ns <= max(_FORGET_NS, usual_ns):
-            return False
-        if track.absence(size, self.settings):
-            return True
         # A slow detector needs as long to be accused of it.
-        messages = 1 + self.missed.shortest_run(max(self.interval_s, 1e-3), self.threshold("hiding", track))
-        return silent_ns > max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
+        messages = 1 + self.missed.shortest_run(
+            max(self.interval_s, 1e-3), self.shares.threshold("hiding", track)
+        )
+        longest_ns = max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
+        untold_ns = stamp_ns - track.last_seen_ns
+        is_suspected = track.hiding.accused or track.was_accused
+        is_suspected |= track.hiding.errors > 0 and untold_ns <= longest_ns
+        silent_ns = min(untold_ns, stamp_ns - track.last_found_ns) if is_suspected else untold_ns
+        if silent_ns <= max(_FORGET_NS, int(3e9 * self.interval_s)):
+            return False
+        return bool(track.absence(size, self.settings)) or silent_ns > longest_ns
 
     def pass_over(self, until_ns: int) -> None:
         """The image is not fit to judge by: what is told of it, now or later, tells nothing."""
@@ -130,7 +163,7 @@ class ObjectStream:
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]),
         )  # fmt: skip
-        self._share_out()
+        self.shares.share_out(self.tracks, self.interval_s)
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
         lost = [i for i in range(len(self.tracks)) if i not in found]
         lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
@@ -161,11 +194,7 @@ class ObjectStream:
                 self.unfollowed = len(unknown) - n
                 break
             self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
-        self._share_out()
-
-    def _share_out(self) -> None:
-        """Give every object its share of the false alarms."""
-        self.sides_px = sum(self._side(track) for track in self.tracks)
+        self.shares.weigh(self.tracks)
 
     def _look_through(
         self, covering: Covering, boxes: FloatArray, tracks: dict[int, int], then: FloatArray
@@ -177,16 +206,13 @@ class ObjectStream:
                 i, others = tracks[k], np.flatnonzero(covering.which[k])
                 covering.besides(k, others[self.tracks[i].shows_through(boxes[others], then[i])])
 
-    def habits(self) -> dict[str, float]:
-        """How often this detector was seen to err, for how long, and in how many messages about objects."""
-        missed, named = self.missed, self.misnamed
-        interval_s = max(self.interval_s, 1e-3)
-        return {
-            "miss_rate": missed.share(),
-            "confusion_rate": named.share(),
-            "persistence_s": max(missed.memory_s(interval_s), named.memory_s(interval_s)),
-            "messages": missed.stream.right + missed.stream.wrong,
-        }
+    def habits(self) -> ObjectHabits:
+        """How often this detector was seen to err, and for how long."""
+        now = [(track.hiding.own, track.naming.own) for track in self.tracks]
+        return ObjectHabits(
+            interval_s=max(self.interval_s, 1e-3), missed=self.missed.stream, misnamed=self.misnamed.stream,
+            objects=(*self._gone, *now), steps=tuple(self.missed.steps),
+        )  # fmt: skip
 
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
@@ -198,37 +224,12 @@ class ObjectStream:
         fits = right - left >= 4.0 and bottom - top >= 4.0
         return np.array([left, top, right, bottom]) if fits else None
 
-    def _side(self, track: ObjectTrack) -> float:
-        return min(longer_side(track.box_px), float(self.camera.width))
-
-    def threshold(self, check: str, track: ObjectTrack | None) -> float:
-        """Of an `ErrorTest` about an object, nats; about an only one, where it is None.
-
-        Objects share the false alarms that all together may raise, by their sides: what is twice as near is reached in
-        half the time, so a lie about it weighs twice (weighted Bonferroni; Genovese, Roeder and Wasserman, Biometrika
-        93, 2006: whatever the weights, the rate of all is kept).
-        """
-        rate = self.false_alarms_per_hour * _RATE_SHARE[check]
-        side_px = 0.0 if track is None else self._side(track)
-        share = side_px / max(self.sides_px, side_px) if side_px else 1.0
-        return run_threshold(rate, 3600.0 / max(self.interval_s, 1e-3), share)
-
-    def worst(self, check: str, tracks: Sequence[ObjectTrack]) -> tuple[ObjectTrack | None, float]:
-        """Of some objects the one that is closest to an accusation, and its threshold."""
-        suspected = [track for track in tracks if _statistic(track, check) > 0.0] or tracks[:1]
-        pairs = [(track, self.threshold(check, track)) for track in suspected]
-        if not pairs:
-            return None, self.threshold(check, None)
-        return max(pairs, key=lambda pair: _statistic(pair[0], check) / pair[1])
-
-    def largest(self) -> ObjectTrack | None:
-        """The object that is accused the soonest."""
-        return max(self.tracks, key=self._side, default=None)
-
     def _absent(
         self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
+        if track.is_soft:
+            track.look_for(current, stamp_ns, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
         # A box with nothing in it was no object: nobody hides it.
         if track.phantom.accused:
@@ -240,7 +241,7 @@ class ObjectStream:
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
                 self.interval_s,
-                self.threshold("hiding", track),
+                self.shares.threshold("hiding", track),
                 stamp_ns,
                 root_area(track.box_px),
                 covered=miss,
@@ -273,7 +274,7 @@ class ObjectStream:
             else:
                 track.is_swapped = not misnamed
                 track.called = f"id {detection.track_id}" if track.is_swapped else detection.label
-                threshold = self.threshold("misclassification", track)
+                threshold = self.shares.threshold("misclassification", track)
                 track.naming.wrong(self.interval_s, threshold, stamp_ns, vouched=not fair)
         if not swapped and detection.track_id:
             track.track_id = detection.track_id
@@ -296,7 +297,7 @@ class ObjectStream:
             self.misnamed.wrong(track.naming.own, after, self.interval_s) for after in (False, True)
         )
         told = first + (messages - 1) * each if messages else 0.0
-        return told >= self.threshold("misclassification", track)
+        return told >= self.shares.threshold("misclassification", track)
 
     def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
         """Add up what speaks for a box that shows the background only."""
@@ -316,7 +317,7 @@ class ObjectStream:
             return
         # What a detector imagines by itself is short and unsure.
         sure = track.weight >= self.settings.established
-        track.phantom.add(*told, self.threshold("injection", track), stamp_ns, sure=sure)
+        track.phantom.add(*told, self.shares.threshold("injection", track), stamp_ns, sure=sure)
 
     def _meet(
         self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
@@ -363,9 +364,3 @@ def _sight(box: FloatArray) -> float:
 def _apart(a: FloatArray, b: FloatArray) -> bool:
     gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
     return gap > _APART * (longer_side(a) + longer_side(b))
-
-
-def _statistic(track: ObjectTrack, check: str) -> float:
-    if check == "injection":
-        return track.phantom.statistic
-    return (track.hiding if check == "hiding" else track.naming).statistic

@@ -25,6 +25,8 @@ _LOST = 2  # corners
 _RESTS = 4  # frames
 _EDGE = 0.1  # of the side: two standard deviations of a detected edge
 _LEAD = 0.3
+_COVERED = 0.1  # of its box: more would be a picture of who covers it
+_STRAYS = 0.5  # of its side: who walks (1.7 m tall) and turns or stops is as far from where he was expected after 1 s
 
 
 @dataclass(slots=True)
@@ -59,7 +61,9 @@ class ObjectTrack:
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
     growth: float = 1.0
     shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
-    corners_then: int = 0  # when it was last detected
+    places_then: FloatArray = field(
+        default_factory=lambda: np.empty((0, 2))
+    )  # of its proven corners, when it was last detected
     contrast: float = 0.0
     contrast_then: float = 0.0
     last_seen_ns: int = 0
@@ -89,14 +93,29 @@ class ObjectTrack:
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
     likeness: Likeness = field(default_factory=Likeness)
+    is_shown: bool = False  # by its picture, where its corners do not last and it is not told of
+    strayed_px: FloatArray = field(
+        default_factory=lambda: np.zeros(2)
+    )  # of its picture, from where it was expected since it was told of
+    turned_px: FloatArray = field(
+        default_factory=lambda: np.zeros(2)
+    )  # its shift by the camera's rotation, since then
     told_before: tuple[int, FloatArray] | None = (
         None  # frame count and box of the message before the last one
     )
 
     def follow(
-        self, previous: ImageStack, current: ImageStack, stamp_ns: int, settings: TrackingSettings
+        self,
+        previous: ImageStack,
+        current: ImageStack,
+        stamp_ns: int,
+        settings: TrackingSettings,
+        turn_px: FloatArray,
     ) -> None:
-        """Carry the object from the previous image to this one by its own pixels."""
+        """Carry the object from the previous image to this one by its own pixels.
+
+        `turn_px`: how the camera's rotation shifts it, shape (2,); its own motion goes on beside it.
+        """
         view = self.view
         if view is None or not view.fits(self.box_px):
             view = View.of(previous, window_of(self.box_px))
@@ -105,8 +124,9 @@ class ObjectTrack:
             self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
         leads = self._leads() if self.hiding.length else None
         motion = follow_object(
-            view, current, self.box_px, self.corners_px, self.growth, self.shift_px, settings, leads
+            view, current, self.box_px, self.corners_px, self.growth, self.shift_px + turn_px, settings, leads
         )
+        self.turned_px = self.turned_px + turn_px
         self.motion, self.view, self.told_px = motion, motion.view, None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
         is_led = (
@@ -115,7 +135,7 @@ class ObjectTrack:
         if motion.error_px2 is not None and is_led:
             self.last_found_ns = stamp_ns
             self.growth = min(max(motion.growth, 0.8), 1.25)
-            self.shift_px = motion.shift_px
+            self.shift_px = motion.shift_px - turn_px
         else:
             self.growth = 1.0  # what is not seen to grow may be covered: it must not fill the image
         self.box_px = motion.box_px if is_led else motion.predicted_box_px
@@ -179,6 +199,11 @@ class ObjectTrack:
         return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
     @property
+    def corners_then(self) -> int:
+        """How many of its corners were proven when it was last detected."""
+        return len(self.places_then)
+
+    @property
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
         return self.corners_then < 2 * LEAST_CORNERS
@@ -193,6 +218,7 @@ class ObjectTrack:
             correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
+        self.is_shown, self.strayed_px = False, np.zeros(2)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
         # Of what is cut at the border, at most as much again is believed to lie outside: else it grows for ever.
         width, height = told[2] - told[0], told[3] - told[1]
@@ -223,10 +249,11 @@ class ObjectTrack:
         """How its detections move: the guide where its own corners do not last."""
         middle = 0.5 * (box_px[:2] + box_px[2:])
         if self.told_middle is not None and stamp_ns > self.last_seen_ns:
-            speed = (middle - self.told_middle) / ((stamp_ns - self.last_seen_ns) * 1e-9)
+            own_px = middle - self.told_middle - self.turned_px
+            speed = own_px / ((stamp_ns - self.last_seen_ns) * 1e-9)
             last = self.speed_px_s
             self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
-        self.told_middle = middle
+        self.told_middle, self.turned_px = middle, np.zeros(2)
 
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
         """It was told of: drop corners that do not ride with the box, and find new ones.
@@ -243,7 +270,7 @@ class ObjectTrack:
         if not covered.any():
             self.open_then = self.corners_px, self.box_px, self.ages, self.births
         self.told_before = None if self.told_px is None else (frame, self.told_px)
-        self.corners_then = self.proven
+        self.places_then = self.places[self._leads()]
         self.contrast_then = self.contrast
 
     def miss(
@@ -258,6 +285,23 @@ class ObjectTrack:
         if self.proven >= LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
+
+    def look_for(self, current: ImageStack, stamp_ns: int, cover: float) -> None:
+        """It was not told of, and its corners do not last: whether its picture is where it should be.
+
+        The background that its picture resembles stays behind, where the object goes on: it strays. `cover`, the share
+        of its box that others may hide, shows theirs.
+        """
+        self.is_shown = False
+        if max(cover, self.hidden_then) > _COVERED:
+            return
+        shift_px = self.likeness.look(current, self.box_px)
+        strayed_px = self.strayed_px if shift_px is None else self.strayed_px + shift_px
+        is_near = float(np.linalg.norm(strayed_px)) < _STRAYS * longer_side(self.box_px)
+        if shift_px is not None and is_near:
+            self.strayed_px = strayed_px
+            self._correct(np.tile(shift_px, 2), stamp_ns)
+        self.is_shown = shift_px is not None and is_near and self.likeness.vouches
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
@@ -291,16 +335,23 @@ class ObjectTrack:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
+        gone = "" if self.is_shown else self._corners_gone(size, settings, by_boxes=by_boxes)
+        if not gone and self.contrast < settings.least_contrast * self.contrast_then:
+            return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
+        return gone
+
+    def _corners_gone(self, size: tuple[int, int], settings: ObjectSettings, *, by_boxes: bool) -> str:
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
-        there = proven / self.corners_then
+        # Those that have left the view cannot be found again.
+        px = self.box_px[:2] - 0.5 + self.places_then * (self.box_px[2:] - self.box_px[:2])
+        expected = int(((px >= 0.0) & (px < np.array(size))).all(axis=1).sum())
+        there = proven / max(expected, 1)
         if there < settings.least_present or proven < LEAST_CORNERS:
             if self.is_soft:  # some are lost in every image: that tells nothing
                 return f"too few corners on it: {proven} of {self.corners_then} are found again"
             return f"occluded or gone: {100 * there:.0f} % of its corners are found again"
-        if self.contrast < settings.least_contrast * self.contrast_then:
-            return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
 
     def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:

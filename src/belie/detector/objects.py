@@ -7,6 +7,7 @@ import numpy as np
 from belie.checks.objects import ObjectSettings
 from belie.detector.alerts import Judgement
 from belie.detector.object_answers import answer, withhold
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_stream import ObjectStream
 from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
@@ -40,6 +41,7 @@ class ObjectStage:
         self._scene = SceneWitness(camera)
         self._previous: ImageStack | None = None
         self._last_ns: int | None = None  # stamp of the last frame, judged by or not
+        self._is_blind = False  # that frame was not judged by
 
     @property
     def views(self) -> tuple[ObjectView, ...]:
@@ -55,7 +57,7 @@ class ObjectStage:
             for track in stream.tracks
         )
 
-    def habits(self) -> dict[str, dict[str, float]]:
+    def habits(self) -> dict[str, ObjectHabits]:
         """How each detector errs, by source."""
         return {source: stream.habits() for source, stream in self.streams.items()}
 
@@ -89,15 +91,22 @@ class ObjectStage:
         if not self.streams:
             return []
         if doubted:
+            self._is_blind = True
             for stream in self.streams.values():
                 stream.pass_over(frame.stamp_ns + half_ns)
             return [j for stream in self.streams.values() for j in withhold(stream, f"not judged: {doubted}")]
         current = ImageStack(_as_gray(frame.image), half)
         self._scene.move(estimate, scene)
+        # Since an image that was not judged by, the camera has turned more than once.
+        known = estimate is not None and estimate.inliers > 0 and estimate.reason is None
+        R_cur_prev = (
+            estimate.T_prev_cur.R.T if estimate is not None and known and not self._is_blind else None
+        )
+        self._is_blind = False
         judgements: list[Judgement] = []
         for stream in self.streams.values():
             if self._previous is not None:
-                stream.follow(self._previous, current, frame.stamp_ns)
+                stream.follow(self._previous, current, frame.stamp_ns, R_cur_prev)
             stream.hear(frame.stamp_ns, half_ns, current)
             judgements += answer(stream, frame.stamp_ns, current.size)
         self._previous = current

@@ -9,6 +9,7 @@ from belie.checks import paper_odometry_check, paper_position_check
 from belie.detector.alerts import Judgement
 from belie.detector.claim_buffer import ClaimBuffer, pose_at
 from belie.detector.config import Config
+from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_view import ObjectView
 from belie.detector.paper_objects import PaperObjectStage
 from belie.detector.streams import too_seldom
@@ -85,7 +86,7 @@ class PaperProfile:
         """Films are drawn from what the default profile follows; this one keeps no pixels."""
         return ()
 
-    def object_habits(self) -> dict[str, dict[str, float]]:
+    def object_habits(self) -> dict[str, ObjectHabits]:
         """Nothing is learned in this profile."""
         return {}
 

@@ -9,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from belie.checks.objects import ObjectSettings
 from belie.detector import Config, Detector
+from belie.detector.object_habits import ObjectHabits
+from belie.evaluation.calibrate_habits import fitted, messages_of
 from belie.evaluation.calibrate_part import SettingPath, TeachingPart, changed
 from belie.evaluation.intervals import wilson_interval
 
 _NOBODY_ACCUSED = 1e-200  # false alarms an hour: what is accused would teach nothing
 _LEAST_MESSAGES = 200  # about objects: fewer show no habit
-_ERRORS = (("misses", "miss_rate"), ("misnames", "confusion_rate"))
-_HABITS = (*(name for _, name in _ERRORS), "persistence_s")
+_ERRORS = ("misses", "misnames")
+_WEIGHTS = ("prior_messages", "prior_gaps", "object_messages", "object_gaps")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +73,7 @@ def learn_habits(
     measuring = changed(config, nobody) if from_accused else config
     # Also detectors that are silent while their recordings teach.
     streams = (stream for part in parts for stream in getattr(part, "streams", ()))
-    heard: dict[str, list[Mapping[str, float]]] = {
+    heard: dict[str, list[ObjectHabits]] = {
         stream.topic: [] for stream in streams if stream.used and stream.role == "detections"
     }
     for part in parts:
@@ -85,71 +86,53 @@ def learn_habits(
     found: dict[str, float] = {}
     words, unlearned, messages = [], [], 0.0
     for source, each in heard.items():
-        together = pooled(each, measuring.objects)
-        if together["messages"] < _LEAST_MESSAGES:
+        count = messages_of(each)
+        if count < _LEAST_MESSAGES:
             unlearned.append(
-                f"{source}: its misses and misnamings were not learned: {together['messages']:.0f} messages about "
+                f"{source}: its misses and misnamings were not learned: {count:.0f} messages about "
                 f"objects that it should see, {_LEAST_MESSAGES} are needed; the settings stay as they were"
             )
             continue
-        messages += together["messages"]
-        worse = _worse(each, together)
-        words.append(f"{source}: {_in_words(together)}" + f", in {len(each)} recordings" * (len(each) > 1))
-        words += [f"{source}: one of them alone {_in_words(one)}: the larger is set" for one in worse]
-        for name in _HABITS:
-            found[name] = max(found.get(name, 0.0), *(one[name] for one in (together, *worse)))
+        messages += count
+        worse = _worse(each)
+        words.append(f"{source}: {_in_words(each)}" + f", in {len(each)} recordings" * (len(each) > 1))
+        words += [f"{source}: one of them alone {_in_words([one])}: the larger is set" for one in worse]
+        for settings in (
+            fitted(each, measuring.objects),
+            *(fitted([one], measuring.objects) for one in worse),
+        ):
+            for name, value in settings.items():
+                # Of several the one that errs most, and that shows least how much all objects are alike.
+                pick = min if name in _WEIGHTS else max
+                found[name] = pick(found.get(name, value), value)
     words += unlearned
     changes: dict[SettingPath, object] = {("objects", name): float(f"{v:.3g}") for name, v in found.items()}
     notes = {f"objects.{name}": f"calibrated: {messages:.0f} messages about objects" for name in found}
     return LearntHabits(config=changed(config, changes), notes=notes, words=tuple(words))
 
 
-def pooled(each: Sequence[Mapping[str, float]], prior: ObjectSettings) -> dict[str, float]:
-    """The habits of one detector that several recordings show together.
-
-    Each of `each` (of `Detector.object_habits`) is what was counted and what was expected before; so that the
-    expectation counts once, it is taken out of all but one. The time for which errors last is weighed by how many
-    errors show it.
-
-    >>> one = {"miss_rate": 0.05, "confusion_rate": 0.01, "persistence_s": 0.05, "messages": 60.0}
-    >>> both = pooled([one, one], ObjectSettings(miss_rate=0.03, prior_messages=40))
-    >>> both["messages"], round(both["miss_rate"], 4)  # 3.8 misses in 60 messages, twice; and 1.2 in 40, as expected
-    (120.0, 0.055)
-    """
-    n, again = prior.prior_messages, len(each) - 1
-    total = sum(habits["messages"] for habits in each)
-    found = {"messages": total}
-    for name, expected in (("miss_rate", prior.miss_rate), ("confusion_rate", prior.confusion_rate)):
-        wrong = sum(habits[name] * (habits["messages"] + n) for habits in each) - again * n * expected
-        found[name] = max(wrong, 0.0) / (total + n)
-    gaps = [max(h["miss_rate"] * (h["messages"] + n) - n * prior.miss_rate, 0.0) for h in each]
-    lasted = sum(h["persistence_s"] * (k + prior.prior_gaps) for h, k in zip(each, gaps, strict=True))
-    lasted -= again * prior.prior_gaps * prior.persistence_s
-    shortest = min((h["persistence_s"] for h in each), default=prior.persistence_s)
-    found["persistence_s"] = max(lasted / (sum(gaps) + prior.prior_gaps), shortest)
-    return found
-
-
-def _worse(each: Sequence[Mapping[str, float]], together: Mapping[str, float]) -> list[Mapping[str, float]]:
+def _worse(each: Sequence[ObjectHabits]) -> list[ObjectHabits]:
     """The recordings that alone show more errors than all together, by more than chance."""
+    together = [_interval(each, error)[0] for error in _ERRORS]
     return [
         habits
         for habits in each
-        if habits["messages"] >= _LEAST_MESSAGES
-        and any(_interval(habits, name)[0] > together[name] for _, name in _ERRORS)
+        if habits.messages >= _LEAST_MESSAGES
+        and any(_interval([habits], error)[1] > share for error, share in zip(_ERRORS, together, strict=True))
     ]
 
 
-def _interval(habits: Mapping[str, float], name: str) -> tuple[float, float]:
-    count = round(habits["messages"])
-    interval = wilson_interval(min(round(habits[name] * count), count), count)
-    assert interval is not None
-    return interval
+def _interval(each: Sequence[ObjectHabits], error: str) -> tuple[float, float, float]:
+    """Share of messages in error, and its interval."""
+    counts = [habits.missed if error == "misses" else habits.misnamed for habits in each]
+    wrong, count = round(sum(c.wrong for c in counts)), round(sum(c.right + c.wrong for c in counts))
+    interval = wilson_interval(min(wrong, count), count) or (0.0, 1.0)
+    return wrong / max(count, 1), *interval
 
 
-def _in_words(habits: Mapping[str, float]) -> str:
+def _in_words(each: Sequence[ObjectHabits]) -> str:
     said = []
-    for what, name in _ERRORS:
-        share, low, high = (f"{100 * x:.2f}" for x in (habits[name], *_interval(habits, name)))
-        said.append(f"{what} {share} % ({low} to {high} %)")
-    return f"{' and '.join(said)} of {habits['messages']:.0f} messages about objects that it should see"
+    for error in _ERRORS:
+        share, low, high = (f"{100 * x:.2f}" for x in _interval(each, error))
+        said.append(f"{error} {share} % ({low} to {high} %)")
+    return f"{' and '.join(said)} of {messages_of(each):.0f} messages about objects that it should see"

@@ -19,7 +19,7 @@ _SIDE_PX = 16.0  # root of the area of an object's picture
 _INNER = np.array([0.8, 0.9])  # of the box: its edges show the background
 _SEARCH = np.array([0.3, 0.15])  # of the box's width and height, either way
 _LEAST_PX = 6
-_FLAT = 3.0  # gray levels, standard deviation: nothing to be seen in it
+_FLAT, _MOST_FLAT = 2.0, 3.0  # times the noise; gray levels: a picture with less contrast shows nothing
 
 
 def picture_of(stack: ImageStack, box_px: FloatArray) -> GrayImage | None:
@@ -29,29 +29,38 @@ def picture_of(stack: ImageStack, box_px: FloatArray) -> GrayImage | None:
     True
     """
     picture = _cut(stack, box_px, 0.5 * _INNER)
-    if min(picture.shape) < _LEAST_PX or float(cv2.meanStdDev(picture)[1][0, 0]) < _FLAT:
+    flat = min(_FLAT * stack.noise, _MOST_FLAT)
+    if min(picture.shape) < _LEAST_PX or float(cv2.meanStdDev(picture)[1][0, 0]) < flat:
         return None
     return picture
 
 
-def best_match(stack: ImageStack, picture: GrayImage, box_px: FloatArray) -> float:
-    """How well an object's picture fits in or near a box: the best normalised correlation, -1 to 1.
+def best_match(stack: ImageStack, picture: GrayImage, box_px: FloatArray) -> tuple[float, FloatArray]:
+    """How well an object's picture fits in or near a box, and where.
+
+    Returns
+    -------
+    correlation : float
+        The best normalised one, -1 to 1.
+    shift_px : array (2,)
+        From the box to where it is.
 
     Examples
     --------
     >>> image = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
     >>> box = np.array([30.0, 30.0, 62.0, 62.0])
     >>> soft = ImageStack(cv2.GaussianBlur(image, (0, 0), 3.0))
-    >>> best_match(soft, picture_of(soft, box), box + np.array([4.0, 0.0, 4.0, 0.0])) > 0.9
-    True
+    >>> correlation, shift_px = best_match(soft, picture_of(soft, box), box + np.array([4.0, 0.0, 4.0, 0.0]))
+    >>> correlation > 0.9, shift_px.round()
+    (True, array([-4.,  0.]))
     """
     size = np.maximum(box_px[2:] - box_px[:2], 1.0)
     scale = _scale(size)
     margin = np.ceil(_SEARCH * size * scale).astype(int)
     h, w = picture.shape
     window = Window(0.5 * (box_px[:2] + box_px[2:]), scale, (h + 2 * int(margin[1]), w + 2 * int(margin[0])))
-    best = float(cv2.matchTemplate(window.cut(stack), picture, cv2.TM_CCOEFF_NORMED).max())
-    return best if math.isfinite(best) else 0.0
+    _, best, _, place = cv2.minMaxLoc(cv2.matchTemplate(window.cut(stack), picture, cv2.TM_CCOEFF_NORMED))
+    return (best, (np.array(place) - margin) / scale) if math.isfinite(best) else (0.0, np.zeros(2))
 
 
 def _scale(size_px: FloatArray) -> float:

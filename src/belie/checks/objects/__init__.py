@@ -2,9 +2,17 @@
 
 from belie.checks.objects.class_groups import ClassGroups
 from belie.checks.objects.cover import CoverHabit
-from belie.checks.objects.habits import Counts, ErrorTest, Habit, run_threshold
+from belie.checks.objects.habits import (
+    Counts,
+    ErrorTest,
+    Habit,
+    lasts_of_small,
+    persistence_of,
+    run_threshold,
+)
 from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
 from belie.checks.objects.settings import ObjectSettings
+from belie.checks.objects.shares import shared_thresholds
 
 __all__ = [
     "ClassGroups",
@@ -15,6 +23,9 @@ __all__ = [
     "ObjectSettings",
     "PhantomTest",
     "background_evidence",
+    "lasts_of_small",
     "passing_evidence",
+    "persistence_of",
     "run_threshold",
+    "shared_thresholds",
 ]

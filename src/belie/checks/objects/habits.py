@@ -9,17 +9,23 @@ foggy) is given its own patience.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
+
+import numpy as np
+
+from belie.geometry import FloatArray
 
 _LEAST = 0.02  # no detector is trusted to be better, however long it has been
 _MOST = 0.97
 _STEEPNESS = 4.0
-_OBJECT_WEIGHT = 0.5  # of the stream's prior, for the object's own
 _ACQUITS = 0.5  # of the threshold: an accusation ends below; two messages without error
 # Share of messages in which a lie fails. As rare as the misses of the best detector: so an object that is told of
 # every other time is never accused. The sum still grows with a patch that fails in one message of ten.
 _LAPSE = _LEAST
+_HONEST = 0.5  # odds: sizes are not learned of what was as likely a lie
 _LONGEST = 1000  # messages of a run that is asked for
+_KEPT = 4000  # messages after one in error, by size
 
 
 @dataclass(slots=True)
@@ -48,6 +54,8 @@ class Habit:
         How long consecutive images share the cause.
     prior_messages, prior_gaps : float
         What the expectation weighs.
+    object_messages, object_gaps : float
+        What the stream weighs for an object of it.
     half_seen_px : float
         Side at which every second error lasts.
 
@@ -70,7 +78,10 @@ class Habit:
     prior_messages: float
     prior_gaps: float
     half_seen_px: float = 20.0
+    object_messages: float = 20.0
+    object_gaps: float = 5.0
     stream: Counts = field(default_factory=Counts)
+    steps: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=_KEPT))  # side px, went on
 
     def learn(self, own: Counts, seen: Counts, weight: float = 1.0) -> None:
         """Take over what was seen of an object, by the probability that nobody lied."""
@@ -130,14 +141,12 @@ class Habit:
         s, n, share = self.stream, self.prior_gaps, self.share()
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
         lasts = (s.lasted + n * expected) / (s.wrong + n)
-        correlation = (lasts - share) / (1.0 - share)
-        # Below, consecutive images share nothing; above, the time is longer than the recordings show.
-        return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
+        return persistence_of(lasts, share, interval_s)
 
     def _begins(self, own: Counts) -> float:
         s, n = self.stream, self.prior_messages
         stream = (s.begun + n * self.rate) / (s.begun + s.right + n)
-        m = n * _OBJECT_WEIGHT
+        m = self.object_messages
         begins = (own.begun + m * stream) / (own.begun + own.right + m)
         # What was expected of it needs no proof: a detector may be stated to be better than the least.
         return min(max(begins, min(_LEAST, self.rate)), _MOST)
@@ -147,7 +156,7 @@ class Habit:
         s, n = self.stream, self.prior_gaps
         # Every message in error was a chance to end.
         stream = (s.lasted + n * expected) / (s.wrong + n)
-        m = n * _OBJECT_WEIGHT
+        m = self.object_gaps
         return _bounded((own.lasted + m * stream) / (own.wrong + m))
 
 
@@ -189,6 +198,7 @@ class ErrorTest:
     onset_ns: int = 0
     accused: bool = False
     _seen: Counts = field(default_factory=Counts)  # in this excursion, not learned yet
+    _steps: list[tuple[float, bool]] = field(default_factory=list)  # the same, as `Habit.steps`
 
     def right(self, interval_s: float, side_px: float = 1e3) -> None:
         """A message without error."""
@@ -196,6 +206,8 @@ class ErrorTest:
             self.habit.learn_right(self.own)
             return
         self.statistic += self.habit.right(self.own, self.length > 0, interval_s, side_px)
+        if self.length:
+            self._steps.append((side_px, False))
         self.length = 0
         self._seen.right += 1.0
         self.messages += 1
@@ -204,6 +216,7 @@ class ErrorTest:
         elif self.statistic <= 0.0:
             weight = 1.0 / (1.0 + math.exp(min(self.peak - self.threshold, 50.0)))
             self.habit.learn(self.own, self._seen, weight)
+            self.habit.steps.extend(self._steps if weight > _HONEST else ())
             self.excuse()
 
     def wrong(
@@ -227,6 +240,7 @@ class ErrorTest:
         self.statistic = max(self.statistic + told, 0.0)
         if self.length:
             self._seen.lasted += 1.0
+            self._steps.append((side_px, True))
         else:
             self._seen.begun += 1.0
         self.length, self.errors, self.messages = self.length + 1, self.errors + 1, self.messages + 1
@@ -234,6 +248,16 @@ class ErrorTest:
         self.accused = self.accused or (vouched and self.statistic >= threshold)
         self.statistic = min(self.statistic, threshold)  # so that it can end soon
         return self.accused
+
+    def steps(self, interval_s: float, side_px: float = 1e3) -> tuple[float, float]:
+        """What a first message in error would tell, and every further one, nats.
+
+        >>> test = ErrorTest(Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10))
+        >>> [round(nats, 1) for nats in test.steps(0.1)]
+        [3.0, 2.9]
+        """
+        first, each = (self.habit.wrong(self.own, after, interval_s, side_px) for after in (False, True))
+        return first, each
 
     @property
     def is_open(self) -> bool:
@@ -243,7 +267,29 @@ class ErrorTest:
     def excuse(self) -> None:
         """The pixels cannot tell (any more): whatever was found ends without a verdict, and nothing is learned."""
         self.length, self.errors, self.messages, self.statistic, self.peak = 0, 0, 0, 0.0, 0.0
-        self.accused, self._seen = False, Counts()
+        self.accused, self._seen, self._steps = False, Counts(), []
+
+
+def persistence_of(lasts: float, share: float, interval_s: float) -> float:
+    """For how long consecutive images share the cause of an error, s.
+
+    `lasts`: share of errors that go on into the next message; `share` of all messages that err.
+
+    >>> round(persistence_of(0.05, 0.05, 0.1), 3), round(persistence_of(0.65, 0.05, 0.1), 3)
+    (0.014, 0.218)
+    """
+    correlation = (lasts - share) / (1.0 - share)
+    # Below, consecutive images share nothing; above, the time is longer than the recordings show.
+    return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
+
+
+def lasts_of_small(side_px: FloatArray, half_seen_px: FloatArray | float) -> FloatArray:
+    """Share of misses that go on because the object is small (root of its area, px).
+
+    >>> lasts_of_small(np.array([20.0, 40.0]), 20.0).round(2)
+    array([0.5 , 0.06])
+    """
+    return np.asarray(1.0 / (1.0 + (side_px / half_seen_px) ** _STEEPNESS))
 
 
 def run_threshold(false_alarms_per_hour: float, messages_per_hour: float, share: float) -> float:

@@ -48,6 +48,12 @@ class ObjectSettings(Settings):
     prior_gaps: float = Field(
         10.0, gt=0.0, description="gaps that the expected persistence weighs as much as [count]"
     )
+    object_messages: float = Field(
+        20.0, gt=0.0, description="messages about an object that its stream's rates weigh as much as [count]"
+    )
+    object_gaps: float = Field(
+        5.0, gt=0.0, description="gaps of an object that its stream's persistence weighs as much as [count]"
+    )
     half_seen_px: float = Field(
         20.0, gt=0.0,
         description="root of an object's area at which every second miss goes on into the next message [px]: what is "
