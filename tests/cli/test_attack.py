@@ -112,6 +112,6 @@ def test_it_is_said_that_no_object_stays(run, drive, tmp_path):
     output = tmp_path / "hidden.mcap"
     result = run("attack", drive, "paper-hiding:start=60", "--detections", labels, "-o", output)
     assert result.exit_code == 0, result.output
-    assert "paper-hiding:start=60: no object with a track id" in result.stderr
+    assert "paper-hiding:start=60: no object with a track id, large enough, stays in view" in result.stderr
     assert "chosen" not in result.stdout
     assert "labelled obstacle_hiding, object 4" in result.stdout

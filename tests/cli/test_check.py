@@ -3,6 +3,7 @@
 import json
 import re
 
+import numpy as np
 import pytest
 
 
@@ -203,6 +204,31 @@ def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
     assert "warning" not in run(command, drive, "--detections", boxes()).stderr
     is_told = "'stop sign' (5)" in run(command, drive, "--detections", boxes(seldom="stop sign")).stderr
     assert is_told == (command == "info")
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_a_file_that_counts_frames_otherwise_is_told(run, drive, tmp_path, late):
+    def left(
+        k, depth_m, start
+    ):  # of a box on one of the drive's bands, `start` px from the left in the first frame
+        return start - 260.0 * (0.06 * k + 0.05 * np.sin(0.3 * k)) / depth_m
+
+    lines = ["frame,track_id,label,left,top,right,bottom"]
+    for k in range(75):
+        for band, depth_m in enumerate((4.0, 6.0, 9.0, 14.0)):
+            for number in range(6):
+                x = left(k - late, depth_m, 20 + 90 * number)
+                if 5 < x < 255:
+                    lines.append(f"{k},{band}{number},car,{x},{60 * band + 5},{x + 50},{60 * band + 55}")
+    path = tmp_path / "boxes.csv"
+    path.write_text("\n".join(lines) + "\n")
+    report = tmp_path / "report.html"
+    result = run("check", drive, "--detections", path, "--report", report)
+    told = (
+        "/detections: its boxes are told about 3 frames late: they move as their pixels did 3 frames before"
+    )
+    assert (told in result.stderr) == (late == 3)
+    assert (told in report.read_text()) == (late == 3)
 
 
 def test_the_summary_tells_of_objects(run, drive, boxes):

@@ -25,8 +25,8 @@ def view(name, box_px=(100, 100, 160, 140), corners=9, status="reported", establ
 
 def told(*frames, settings=None):
     recorder = ToldObjectsRecorder(settings or ObjectSettings())
-    for views in frames:
-        recorder.see(views, SIZE)
+    for stamp_ns, views in enumerate(frames):
+        recorder.see(views, SIZE, stamp_ns)
     (found,) = recorder.finish()
     return found
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -25,10 +25,12 @@ from belie.types import DetectionClaim
 
 # Frames around the onset: known before, and in view well past the paper's ten frames.
 _BEFORE, _AFTER = 15, 25
+_LEAST_AFTER = 10  # frames: in fewer, nobody could miss it
+_LAST = 3  # messages of the time for which it has to stay, of which one must tell of it: detectors flicker
 _SHARE = 0.8  # of the messages in which the honest detector reports it
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StayingObject:
     """An object that a detector tells of from well before an attack to well after its onset.
 
@@ -36,21 +38,30 @@ class StayingObject:
     ----------
     source, track_id, label : str
         Who tells of it, and under which names.
-    size_px : tuple of int
-        Width and height of its box when the attack begins.
+    box_px : array (4,)
+        Its box when the attack begins: left, top, right, bottom edge.
     least_px : float
         The longer side of its smallest box since the attack began.
     first_frame, last_frame : int
         In which frames it was told of first, and last before the attack was over.
+    missed_last : int
+        How many messages came after that without it.
     """
 
     source: str
     track_id: str
     label: str
-    size_px: tuple[int, int]
+    box_px: FloatArray
     least_px: float
     first_frame: int
     last_frame: int
+    missed_last: int
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of that box."""
+        width, height = np.rint(self.box_px[2:] - self.box_px[:2]).astype(int).tolist()
+        return width, height
 
 
 def staying_objects(
@@ -83,8 +94,9 @@ def staying_objects(
                     if d.track_id and box_px is not None:
                         one = told.setdefault((claim.source, d.track_id), _Told(d.label, number))
                         one.add(number, box_px, is_near=is_near, is_attacked=number >= start_frame)
+                        one.heard = messages[claim.source]
     staying = [
-        (one.least_px2, one.staying(*key))
+        (one.least_px2, one.staying(*key, missed_last=messages[key[0]] - one.heard))
         for key, one in told.items()
         if messages[key[0]] > 1 and one.near >= _SHARE * messages[key[0]]
     ]
@@ -99,6 +111,7 @@ class _Told:
     first: int
     last: int = 0
     near: int = 0  # messages around the attack
+    heard: int = 0  # the same with and without it, up to its last
     least_px: float = np.inf
     least_px2: float = np.inf
     box_px: FloatArray = field(default_factory=lambda: np.zeros(4))
@@ -114,11 +127,10 @@ class _Told:
         if not self.is_attacked:  # as the attack finds it
             self.box_px, self.is_attacked = box_px, is_attacked
 
-    def staying(self, source: str, track_id: str) -> StayingObject:
-        width, height = np.rint(self.box_px[2:] - self.box_px[:2]).astype(int).tolist()
+    def staying(self, source: str, track_id: str, *, missed_last: int) -> StayingObject:
         return StayingObject(
-            source=source, track_id=track_id, label=self.label, size_px=(width, height), least_px=self.least_px,
-            first_frame=self.first, last_frame=self.last,
+            source=source, track_id=track_id, label=self.label, box_px=self.box_px, least_px=self.least_px,
+            first_frame=self.first, last_frame=self.last, missed_last=missed_last,
         )  # fmt: skip
 
 
@@ -131,9 +143,9 @@ class Choice:
     spec : AttackSpec
         It names them, if there are any.
     objects : tuple of StayingObject
-        Two of a swap; none where the attack is about no object, or where one was named.
+        Two of a swap, if there are two; none where the attack is about no object, or where one was named.
     lacks : bool
-        Whether one was looked for, and none stays: the attack then takes the largest that is held.
+        Whether one, or a second one, was looked for, and none stays: the attack then takes the largest that is held.
     """
 
     spec: AttackSpec
@@ -146,7 +158,9 @@ def choose_objects(
 ) -> list[Choice]:
     """Name an object that stays in each attack that names none, of what the attacks before it leave.
 
-    It stays until the attack ends; if none does, for 25 frames. An attack on all objects (delay) is left as it is.
+    It stays until the attack ends, and for 25 frames; if none does, for as long as any does, but for ten frames at
+    least. Two that swap their ids are apart: honest trackers confuse neighbours, too. An attack on all objects (delay)
+    is left as it is.
 
     Parameters
     ----------
@@ -175,25 +189,40 @@ def _needs_object(spec: AttackSpec) -> bool:
 
 
 def _chosen(source: Source, spec: AttackSpec, least_px: float) -> Choice:
-    span = spec.span(FrameClock(source.frame_stamps_ns()))
+    clock = FrameClock(source.frame_stamps_ns())
+    span = spec.span(clock)
     topic = None if spec["source"] is None else str(spec["source"])
     options = dict(spec.options)
     # To call it what it is, or to swap it with itself, is no attack.
     label, other = options.get("to"), options.get("other")
-    ends = dict.fromkeys((max(span.stop_frame, span.start_frame + _AFTER), span.start_frame + _AFTER))
-    for end in ends:
-        staying = [
+    start = span.start_frame
+    ends = (max(span.stop_frame, start + _AFTER), start + _AFTER, span.stop_frame, start + _LEAST_AFTER)
+    each = [
+        [
             one
-            for one in staying_objects(source, span.start_frame, end, topic=topic)
-            if one.least_px >= least_px and one.label != label and one.track_id != other
+            for one in staying_objects(source, start, end, topic=topic)
+            if one.missed_last < _LAST and one.least_px >= least_px
+            and one.label != label and one.track_id != other
         ]
-        if staying:
-            break
-    else:
-        return Choice(spec=spec, lacks=True)
-    named = {"object": staying[0].track_id}
-    of_same = [one for one in staying[1:] if one.source == staying[0].source]
-    if spec.kind == "swap" and other is None and of_same:
-        named["other"] = of_same[0].track_id
-    objects = tuple(one for one in (staying[0], *of_same[:1]) if one.track_id in named.values())
-    return Choice(spec=AttackSpec.from_dict({**spec.to_dict(), **named}), objects=objects)
+        for end in sorted({min(end, len(clock)) for end in ends if end >= start + _LEAST_AFTER}, reverse=True)
+    ]  # fmt: skip
+    pairs = [pair for staying in each for pair in combinations(staying, 2) if _are_apart(*pair)]
+    needs_two = spec.kind == "swap" and other is None
+    objects: tuple[StayingObject, ...] = ()
+    if needs_two and pairs:
+        objects = pairs[0]
+    elif single := [one for staying in each for one in staying[:1]]:
+        objects = (single[0],)
+    named = {name: one.track_id for name, one in zip(("object", "other"), objects, strict=False)}
+    return Choice(
+        spec=AttackSpec.from_dict({**spec.to_dict(), **named}),
+        objects=objects,
+        lacks=len(objects) < 1 + needs_two,
+    )
+
+
+def _are_apart(one: StayingObject, other: StayingObject) -> bool:
+    """Whether two objects of a detector are so far from each other that no honest tracker confuses them."""
+    gap_px = 0.5 * np.abs(one.box_px[:2] + one.box_px[2:] - other.box_px[:2] - other.box_px[2:])
+    sides_px = longer_side(one.box_px) + longer_side(other.box_px)
+    return one.source == other.source and float(np.linalg.norm(gap_px)) > sides_px

@@ -175,10 +175,14 @@ def _tell_choices(choices: Sequence[Choice], labels: Sequence[AttackLabel]) -> N
                 f"{label.start_frame}, told of in frames {one.first_frame} to {one.last_frame}"
             )
         if choice.lacks:
+            lacking = (
+                "second object, apart from the first,"
+                if choice.objects
+                else "object with a track id, large enough,"
+            )
             print(
-                f"belie: warning: {label.text}: no object with a track id that is large enough to be judged stays in "
-                "view: attacked is the largest that is held for a second, and to leave out what leaves may pass "
-                "unseen; name one with object=, or try another start",
+                f"belie: warning: {label.text}: no {lacking} stays in view: taken is the largest that is held for a "
+                "second, and a lie about what leaves may pass unseen; name one, or try another start",
                 file=sys.stderr,
             )
 

@@ -20,7 +20,7 @@ def tell_detections(
     *,
     least_share: float = 0.0,
 ) -> None:
-    """Say what of a file of detections was left out, and which labels no group of `classes` holds.
+    """Say what of a file was left out, that boxes are about other frames, and which labels no group of `classes` holds.
 
     Labels are told of where that share of all boxes has such: a few road signs among cars need no group.
 
@@ -28,6 +28,7 @@ def tell_detections(
     """
     lines = list(getattr(recording, "warnings", ()))
     for stream in told:
+        lines += [words] if (words := stream.timing_in_words()) else []
         found = {} if classes is None else stream.ungrouped(classes)
         if found and sum(found.values()) >= least_share * stream.boxes:
             named = ", ".join(f"{label!r} ({n})" for label, n in list(found.items())[:_MOST_NAMED])

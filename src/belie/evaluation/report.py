@@ -83,6 +83,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "headline": words.headline(run),
         "summary": words.summary(run),
         "never_decided": words.never_decided(run),
+        "warnings": [said for told in run.told if (said := told.timing_in_words())],
         "tone": words.tone(run),
         "alerts": [words.alert_row(run, traced) for traced in run.alerts],
         "score": None if scored is None else _score_rows(run, scored),

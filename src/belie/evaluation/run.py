@@ -254,7 +254,7 @@ def run_detector(
             found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
             alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
             told.hear(step.claims)
-            told.see(views, (step.frame.image.shape[1], step.frame.image.shape[0]))
+            told.see(views, (step.frame.image.shape[1], step.frame.image.shape[0]), step.frame.stamp_ns)
             if pictures:
                 films.add(step.frame, objects, verdict)
                 attacked.add(step.frame, objects, verdict, films.past)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from belie.checks.objects import ObjectSettings
@@ -12,6 +12,7 @@ from belie.detector import ObjectView
 from belie.detector.association import named
 from belie.detector.covering import LEAST_CORNERS
 from belie.detector.object_track import in_view
+from belie.evaluation.box_timing import BoxTiming
 from belie.geometry.boxes import longer_side
 from belie.types import Claim, DetectionClaim
 
@@ -36,6 +37,8 @@ class ToldObjects:
         Frames with a message, for each object that could be judged once, since it had been told of often enough.
     withheld : mapping of str to int
         In how many of those it could not be judged, by the reason.
+    late_frames : int
+        By how many frames its boxes are told late, as far as is sure; negative where they are early.
     """
 
     source: str
@@ -46,6 +49,7 @@ class ToldObjects:
     unjudged: Mapping[str, int] | None = None
     asked: int = 0
     withheld: Mapping[str, int] = field(default_factory=dict)
+    late_frames: int = 0
 
     def ungrouped(self, classes: ClassGroups) -> dict[str, int]:
         """Boxes under labels that no group holds, the most frequent first.
@@ -79,6 +83,28 @@ class ToldObjects:
             said += f", {sum(self.unjudged.values())} never ({_main(self.unjudged)})"
         return said
 
+    def timing_in_words(self) -> str:
+        """That its boxes are about other frames, and what to do; empty where nothing is amiss.
+
+        >>> told = ToldObjects(source="/d", messages=9, boxes=12, labels={}, objects=3, late_frames=-1)
+        >>> told.timing_in_words().partition(".")[0]
+        '/d: its boxes are told about 1 frame early: they move as their pixels do 1 frame later'
+        """
+        count = abs(self.late_frames)
+        frames = f"{count} frame{'s' * (count > 1)}"
+        if self.late_frames > 0:
+            amiss = f"{frames} late: they move as their pixels did {frames} before"
+            change = f"subtract {count} from"
+        elif self.late_frames < 0:
+            amiss = f"{frames} early: they move as their pixels do {frames} later"
+            change = f"add {count} to"
+        else:
+            return ""
+        return (
+            f"{self.source}: its boxes are told about {amiss}. Alerts about its objects mean little until you {change} "
+            "the frame numbers of its file, or set the stamps of its messages to those of the images"
+        )
+
 
 def _main(reasons: Mapping[str, int]) -> str:
     return f"mainly: {max(reasons, key=lambda reason: reasons[reason])}"
@@ -101,6 +127,7 @@ class _Stream:
     first_labels: dict[str, str] = field(default_factory=dict)
     labels: Counter[str] = field(default_factory=Counter)
     objects: dict[int, _Object] = field(default_factory=dict)
+    timing: BoxTiming = field(default_factory=BoxTiming)
 
 
 class ToldObjectsRecorder:
@@ -143,8 +170,10 @@ class ToldObjectsRecorder:
                     label = stream.first_labels.setdefault(detection.track_id, label)
                 stream.labels[label] += 1
 
-    def see(self, views: Iterable[ObjectView], size: tuple[int, int]) -> None:
+    def see(self, views: Sequence[ObjectView], size: tuple[int, int], stamp_ns: int) -> None:
         """Take in the objects after a frame of (width, height)."""
+        for source, stream in self._streams.items():
+            stream.timing.see((view for view in views if view.source == source), size, stamp_ns)
         for view in views:
             known = self._streams.setdefault(view.source, _Stream()).objects.setdefault(
                 view.number, _Object()
@@ -179,6 +208,7 @@ class ToldObjectsRecorder:
             unjudged=None if self._settings is None else unjudged,
             asked=sum(known.asked for known in judged),
             withheld=sum((known.withheld for known in judged), Counter[str]()),
+            late_frames=stream.timing.late_frames(),
         )
 
 

@@ -8,8 +8,10 @@ from belie.evaluation.bench.curves import operating_curve, roc_figure
 from belie.evaluation.bench.rivals import rival_maker
 from belie.evaluation.bench.store import RunRecord
 from belie.evaluation.bench.suite import parse_suite
-from belie.evaluation.bench.summary import condition, false_alerts, furthest, rate, smallest, summarise
+from belie.evaluation.bench.summary import summarise
 from belie.evaluation.bench.sweep import FACTORS, exceedances
+from belie.evaluation.bench.tables.cells import false_alerts, furthest, rate, smallest
+from belie.evaluation.bench.tables.selections import condition
 from belie.evaluation.bench.words import markdown
 from belie.types import CheckResult, Status, Verdict
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from belie.evaluation.bench.store import RunRecord
-from belie.evaluation.bench.summary import GOALS, duration
 from belie.evaluation.bench.sweep import FACTORS
+from belie.evaluation.bench.tables.cells import duration
+from belie.evaluation.bench.tables.paper import GOALS
 from belie.evaluation.figures import svg
 from belie.types import AlertType
 

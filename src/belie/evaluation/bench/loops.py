@@ -10,7 +10,7 @@ from belie.detector import Config
 from belie.evaluation.bench.cache import code_key, content_key
 from belie.evaluation.bench.store import Store
 from belie.evaluation.bench.suite import ClosedLoop
-from belie.evaluation.bench.summary import Table
+from belie.evaluation.bench.tables.table import Table
 
 _CODE = (
     "geometry",

@@ -10,7 +10,7 @@ from belie.attacks import parse_attack
 from belie.evaluation.bench.curves import ALERT_OF_GOAL, colour_of
 from belie.evaluation.bench.published import FIGURE_5, FIGURE_6
 from belie.evaluation.bench.store import RunRecord, Store
-from belie.evaluation.bench.summary import GOALS
+from belie.evaluation.bench.tables.paper import GOALS
 from belie.evaluation.figures import ALERT, QUIET, svg
 from belie.types import AlertType
 

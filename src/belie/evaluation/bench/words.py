@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from belie.evaluation.bench.suite import Suite
-from belie.evaluation.bench.summary import Summary, Table
+from belie.evaluation.bench.summary import Summary
+from belie.evaluation.bench.tables.table import Table
 
 _MOST_LISTED = 40
 
