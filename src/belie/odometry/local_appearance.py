@@ -19,7 +19,7 @@ _SIDE_PX = 16.0  # root of the area of an object's picture
 _INNER = np.array([0.8, 0.9])  # of the box: its edges show the background
 _SEARCH = np.array([0.3, 0.15])  # of the box's width and height, either way
 _LEAST_PX = 6
-_FLAT = 3.0  # gray levels, standard deviation: nothing to be seen in it
+_FLAT, _MOST_FLAT = 2.0, 3.0  # times the noise; gray levels: a picture with less contrast shows nothing
 
 
 def picture_of(stack: ImageStack, box_px: FloatArray) -> GrayImage | None:
@@ -29,7 +29,8 @@ def picture_of(stack: ImageStack, box_px: FloatArray) -> GrayImage | None:
     True
     """
     picture = _cut(stack, box_px, 0.5 * _INNER)
-    if min(picture.shape) < _LEAST_PX or float(cv2.meanStdDev(picture)[1][0, 0]) < _FLAT:
+    flat = min(_FLAT * stack.noise, _MOST_FLAT)
+    if min(picture.shape) < _LEAST_PX or float(cv2.meanStdDev(picture)[1][0, 0]) < flat:
         return None
     return picture
 
