@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from belie.checks.objects import Counts, ErrorTest, Habit, passing_evidence
+from belie.checks.objects import Counts, ErrorTest, Habit, PhantomTest, passing_evidence
 
 
 def test_a_box_that_the_scene_passes_through_is_suspect_and_one_that_carries_its_corners_is_not():
@@ -17,6 +17,29 @@ def test_a_box_that_the_scene_passes_through_is_suspect_and_one_that_carries_its
 
 def test_corners_that_neither_ride_nor_keep_still_are_another_object():
     assert passing_evidence(np.zeros(6, bool), np.arange(6) < 2) is None
+
+
+def test_a_box_in_the_air_counts_once_and_not_where_its_corners_told_it_already():
+    passed, aloft, lying = PhantomTest(), PhantomTest(aloft=True), PhantomTest(aloft=True)
+    for test, told in ((passed, (6.0, None)), (aloft, (6.0, None)), (lying, (None, 6.0))):
+        for k in range(2):
+            test.add(*told, 15.0, k)
+    assert (passed.accused, aloft.accused, lying.accused) == (False, True, False)
+    assert passed.statistic + 3.9 == aloft.statistic
+    assert lying.statistic == 12.0
+    silent = PhantomTest(aloft=True)
+    silent.add(None, 0.0, 15.0, 0)
+    assert silent.statistic == 0.0
+
+
+def test_corners_that_ride_take_back_what_passed_but_not_where_corners_lie():
+    test = PhantomTest()
+    test.add(None, 6.0, 15.0, 0)
+    test.add(5.2, None, 15.0, 1)
+    test.take_back(2)
+    assert test.statistic == pytest.approx(7.2)
+    test.take_back(9)
+    assert test.statistic == pytest.approx(6.0)
 
 
 def habit_after(gaps, messages=600, rate=0.03):

@@ -15,6 +15,7 @@ from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plan
 from belie.types import VisualEstimate
 
 Scene = tuple[FloatArray, FloatArray, FloatArray]  # undistorted (N, 2), 1/Z and its deviation
+_Depths = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]  # 1/Z, its deviation, whether it keeps still
 
 _SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and the rotation's share
 _MEMORY = 40  # frames
@@ -22,13 +23,39 @@ _RING = 1.0  # of the box's side: how far around it its wall is looked for
 _FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-air
 _LEAST_SIDE_PX = 40.0  # of a box: smaller ones are so far that slopes decide where they stand
 _MIDDLE = 0.3  # of the box's sides, either way: there, an object lets nothing through
-_RIDES = (
-    0.2  # of the box's sides: a corner that strays less keeps its place; 5 sigma of a box with 3 % jitter
-)
+_RIDES = 0.2  # of the box's sides: a corner that strays less keeps its place
+_NOISE = 0.035  # of the box's sides: usual error of a told edge against the pixels' prediction, at 3 % jitter
+_MOST_NOISE = 0.2  # beyond, nothing can be seen to pass
+_SIGMAS = 5.0  # of that error, whatever it is: no corner strays by less
+_LEARNS = 0.01  # share by which one edge corrects it
+_UNDER_WAY = 0.5  # of the way that corners stray which pass: nearer to passing than to riding
+_FARTHER = 1.5  # in time to stray also by this factor: then what rides is no part of the scene
+_MEDIAN = 0.6745  # of a normal error's size, in deviations
+_STEEPEST = 0.15  # tangent: of roads, as a mean over the way to an object
 _NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
 _LEAST_GROUNDS = 3  # fits: a plane through parked cars passes for the road once, and no majority outvotes it
 _GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
+
+
+@dataclass(frozen=True, slots=True)
+class _Corners:
+    """Corners (N,) in and around a box, now and then.
+
+    `places` (N, 2) in the box, 0 to 1; `strays` (N, 2), their change since then, 0 along axes where the image's border
+    cuts it; `moves_px` (N, 2) in the image; `frames` since then; inverse depth, and whether they keep `still`.
+    """
+
+    places: FloatArray
+    strays: FloatArray
+    moves_px: FloatArray
+    frames: npt.NDArray[np.int64]
+    inverse_depth: FloatArray
+    still: npt.NDArray[np.bool_]
+
+    def joined(self, others: _Corners) -> _Corners:
+        """These and others."""
+        return _Corners(*(np.concatenate([getattr(self, n), getattr(others, n)]) for n in self.__slots__))
 
 
 @dataclass(slots=True)
@@ -46,10 +73,13 @@ class SceneWitness:
     _ground_frame: int = 0
     _parallax_px: float = 0.0  # of the scene, since it last told something new
     _has_moved: bool = False
+    _noise: float = _NOISE  # of told boxes, of their sides
+    _scene_px: dict[int, tuple[FloatArray, FloatArray, FloatArray] | None] = field(default_factory=dict)
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
         """Take over the camera's motion to a new frame, and the depths of its corners there."""
         self.frame += 1
+        self._scene_px.clear()
         self._scene = scene
         if self.frame - self._ground_frame > _GROUND_LASTS:
             self._ground = None
@@ -87,43 +117,121 @@ class SceneWitness:
 
         That the scene passes through the box, and that its corners lie on the ground or the wall.
         """
-        return (self._passing(track), self._lying(track)) if self._has_moved else (None, None)
+        self._learn_noise(track)
+        if not self._has_moved or len(self._poses) < 2:
+            return None, None
+        depths = self._depths(track)
+        return self._passing(track, depths), self._lying(track, depths)
+
+    def _learn_noise(self, track: ObjectTrack) -> None:
+        """Correct the median error of told edges; a few wild ones, of a box that is no object's, change it little."""
+        told, motion = track.told_px, track.motion
+        if told is None or motion is None or track.phantom.accused:
+            return
+        error = np.abs(told - motion.box_px) / np.tile(told[2:] - told[:2], 2)
+        larger = error[~self._cut(told)] > _MEDIAN * self._noise
+        noise = self._noise * float(np.exp(_LEARNS * (2.0 * np.count_nonzero(larger) - len(larger))))
+        self._noise = min(max(noise, _NOISE), _MOST_NOISE)
+
+    def _cut(self, box_px: FloatArray) -> npt.NDArray[np.bool_]:
+        """Which edges, left, top, right, bottom, may be the image's border instead of the object's."""
+        margin = 2.0 * self._noise * np.tile(box_px[2:] - box_px[:2], 2)
+        size = np.array([self.camera.width, self.camera.height])
+        return np.asarray(np.concatenate([box_px[:2], size - box_px[2:]]) < margin)
+
+    def _is_whole(self, box_px: FloatArray) -> npt.NDArray[np.bool_]:
+        """Along which axes places in a box tell what keeps its place.
+
+        Not where the border cuts it, for an object that leaves or comes near moves on behind its edge; but no object
+        is cut on all sides.
+        """
+        cut = self._cut(box_px)
+        return np.asarray(~(cut[:2] | cut[2:]) | cut.all())
 
     def _parallax_of(self, estimate: VisualEstimate, scene: Scene) -> float:
         rho = scene[1]
         typical = float(np.median(np.abs(rho))) if len(rho) else 0.0
         return float(np.linalg.norm(estimate.T_prev_cur.t)) * typical * self.camera.fx
 
-    def _passing(self, track: ObjectTrack) -> float | None:
+    def _passing(self, track: ObjectTrack, depths: _Depths) -> float | None:
         """Whether the still scene passes through the box."""
         told = track.told_px
-        if told is None or len(self._poses) < 2 or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
+        if told is None or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
             return None
-        now, before = places_in(told, track.corners_px), track.born_places
-        _, _, still = self._depths(track)
-        older = track.births < self.frame
-        scene_now, scene_before = self._scene_places(track)
-        now, before = np.concatenate([now[older], scene_now]), np.concatenate([before[older], scene_before])
-        still = np.concatenate([still[older], np.ones(len(scene_now), dtype=bool)])
-        middle = np.asarray((np.abs(now - 0.5) < _MIDDLE).all(axis=1))
-        rides = np.asarray((np.abs(now - before) < _RIDES).all(axis=1))
-        return passing_evidence(rides[middle], still[middle])
+        corners = self._own_corners(track, told, depths)
+        if track.told_before is not None:
+            of_scene = self._scene_corners(told, *track.told_before)
+            corners = corners if of_scene is None else corners.joined(of_scene)
+        least = max(_RIDES, _SIGMAS * self._noise)
+        strays = np.abs(corners.strays * self._is_whole(told)).max(axis=1, initial=0.0)
+        rides, still = strays < least, corners.still
+        # An object lets nothing through its middle: neither what is there now, nor what was there then.
+        tells = _in_the_middle(corners.places) | _in_the_middle(corners.places - corners.strays)
+        goes_along = (
+            np.abs(corners.moves_px / (told[2:] - told[:2])).max(axis=1, initial=0.0) > _FARTHER * least
+        )
+        passes = tells & still & ~rides
+        if passes.any():
+            track.phantom.aloft = self._is_aloft(told, corners.inverse_depth[passes])
+            # What passes as well, but has not had the time to, is no part of the object.
+            expected = float(np.median(strays[passes] / corners.frames[passes])) * corners.frames
+            tells &= ~rides | goes_along | (expected > _FARTHER * least) | (strays < _UNDER_WAY * expected)
+        if not (tells & ~rides).any():
+            track.phantom.take_back(int(np.count_nonzero(tells & goes_along)))
+        return passing_evidence(rides[tells], still[tells])
 
-    def _scene_places(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray]:
-        """Where the corners of the still scene lie in the told box, and lay in the one that was told before."""
-        poses, none = dict(self._poses), np.empty((0, 2))
-        if self._scene is None or track.told_px is None or track.told_before is None:
-            return none, none
-        then, box_then = track.told_before
-        if then not in poses or then == self.frame:
-            return none, none
-        xy, rho, _ = self._scene_within(track.told_px)
-        xy, rho = xy[rho > 0.0], rho[rho > 0.0]
+    def _is_aloft(self, box_px: FloatArray, inverse_depth: FloatArray) -> bool:
+        """Whether an object before what passes through its box would stand on no road.
+
+        The ground under it would have to rise, on the way from the camera to there, by more than roads do.
+        """
+        if self._ground is None or self._cut(box_px)[3]:
+            return False
+        rise = (float(np.median(inverse_depth)) - self._foot(box_px)) / float(self._ground.coefficients[1])
+        return rise > _STEEPEST + _TILT
+
+    def _own_corners(self, track: ObjectTrack, told: FloatArray, depths: _Depths) -> _Corners:
+        """The object's corners since they were found."""
+        older = track.births < self.frame
+        rho, _, still = depths
+        frames = self.frame - track.births
+        places = places_in(told, track.corners_px)
+        strays = places - track.born_places
+        for age in np.unique(frames[older]).tolist():
+            which = frames == age
+            strays[which] *= self._is_whole(track.history[max(len(track.history) - 1 - age, 0)][1])
+        return _Corners(
+            places[older], strays[older], (track.corners_px - track.born_px)[older], frames[older],
+            rho[older], still[older],
+        )  # fmt: skip
+
+    def _scene_corners(self, told: FloatArray, then: int, told_then: FloatArray) -> _Corners | None:
+        """The still scene's corners since another box of the object was told."""
+        if then not in self._scene_px:
+            self._scene_px[then] = self._scene_since(then)
+        seen = self._scene_px[then]
+        if seen is None:
+            return None
+        now_px, then_px, rho = seen
+        places, places_then = places_in(told, now_px), places_in(told_then, then_px)
+        near = _in_the_middle(places) | _in_the_middle(places_then)
+        strays = (places - places_then)[near] * self._is_whole(told_then)
+        n = len(strays)
+        return _Corners(
+            places[near], strays, (now_px - then_px)[near], np.full(n, self.frame - then),
+            rho[near], np.ones(n, dtype=bool),
+        )  # fmt: skip
+
+    def _scene_since(self, then: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """The still scene's corners: pixels (N, 2) now and in an earlier frame, and 1/Z."""
+        poses = dict(self._poses)
+        if self._scene is None or then not in poses or then == self.frame:
+            return None
+        xy, rho, _ = (values[self._scene[1] > 0.0] for values in self._scene)
         points = np.column_stack([xy, np.ones(len(xy))]) / rho[:, None]
         points_then = (poses[then].inverse() @ poses[self.frame]).apply(points)
         ahead = points_then[:, 2] > _NEAREST * points[:, 2]
-        now_px, then_px = self.camera.project(points[ahead]), self.camera.project(points_then[ahead])
-        return places_in(track.told_px, now_px), places_in(box_then, then_px)
+        return self.camera.project(points[ahead]), self.camera.project(points_then[ahead]), rho[ahead]
 
     def _scene_within(self, box_px: FloatArray) -> Scene:
         """The still scene's corners inside a box."""
@@ -133,14 +241,14 @@ class SceneWitness:
         inside = np.asarray(((xy > low) & (xy < high)).all(axis=1))
         return xy[inside], rho[inside], deviation[inside]
 
-    def _lying(self, track: ObjectTrack) -> float | None:
+    def _lying(self, track: ObjectTrack, depths: _Depths) -> float | None:
         """Whether its corners lie on the ground or the wall."""
         if self._ground is None or self._scene is None:
             return None
         left, top, right, bottom = track.box_px
         if bottom > self.camera.height - 2.0 or max(right - left, bottom - top) < _LEAST_SIDE_PX:
             return None  # its foot is out of view, or it is too far away
-        depth, deviation, still = self._depths(track)
+        depth, deviation, still = depths
         known = np.isfinite(deviation)
         # Its own corners are many and young; those of the scene are few and have been triangulated for long.
         scene_xy, scene_depth, scene_deviation = self._scene_within(track.box_px)
@@ -149,8 +257,7 @@ class SceneWitness:
         xy = np.concatenate([self._undistorted(track.corners_px)[known], scene_xy])
         if len(xy) == 0:
             return None
-        foot_xy = self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5)
-        foot = float(self._ground.at(foot_xy)[0])
+        foot = self._foot(track.box_px)
         error = _TILT * float(self._ground.coefficients[1])
         found: list[float] = []
         if foot > 0.0:
@@ -167,10 +274,16 @@ class SceneWitness:
                 found.append(on_wall)
         return max(found, default=None)
 
+    def _foot(self, box_px: FloatArray) -> float:
+        """Inverse depth of the ground where a box ends below; negative above the horizon."""
+        assert self._ground is not None
+        left, _, right, bottom = box_px.tolist()
+        return float(self._ground.at(self._undistorted(np.array([[0.5 * (left + right), bottom]]) - 0.5))[0])
+
     def _undistorted(self, px: FloatArray) -> FloatArray:
         return np.asarray(self.camera.normalize(px)).reshape(-1, 2)
 
-    def _depths(self, track: ObjectTrack) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    def _depths(self, track: ObjectTrack) -> _Depths:
         """Inverse depth and deviation of its corners, as parts of a still scene, and whether they are; NaN: unknown."""
         poses = dict(self._poses)
         now = poses[self.frame]
@@ -202,3 +315,8 @@ class SceneWitness:
         ground = np.abs(rho - self._ground.at(xy)) < 2.0 * sd + 0.1 * np.abs(rho)
         chosen = near & ~inside & ~ground
         return fit_plane(xy[chosen], rho[chosen], sd[chosen], least=8, share=0.6)
+
+
+def _in_the_middle(places: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether places in a box, shape (N, 2), lie where an object lets nothing through."""
+    return np.asarray((np.abs(places - 0.5) < _MIDDLE).all(axis=1))

@@ -25,6 +25,9 @@ _LEAST_CORNERS = 5
 # Of the corners in its middle, a quarter of those of a true box are the background's (a gap, a window, an edge) or
 # lost, and a tenth of those of a phantom ride with it by chance.
 _PASSES, _RIDES = 1.3, 2.0  # nats: log(0.9 / 0.25), log(0.75 / 0.1)
+# Of a hundred true objects one stands where no road would take it (on a bridge, a bank, a balcony), of phantoms every
+# other.
+_ALOFT = 3.9  # nats: log(0.5 / 0.01)
 _DECIDED = 0.75  # share of the corners that must have been explained at all
 
 
@@ -112,7 +115,8 @@ class PhantomTest:
 
     Two kinds of evidence, which are blind at different times: over a short way nothing passes through a box on a far
     road, though its corners already lie on the ground. So where the depths say nothing, corners that seem to ride
-    take back only what corners that passed had given.
+    take back only what corners that passed had given. That a box hangs in the air counts once, however long it does;
+    where its corners lie has that in it, as they are held against its foot.
 
     Examples
     --------
@@ -125,7 +129,9 @@ class PhantomTest:
     since_ns: int = 0
     accused: bool = False
     why: str = "not yet seen from two places"  # nothing can be told, if not empty
-    _passed: float = 0.0  # of the statistic, what the scene gave that passed through the box
+    aloft: bool = False  # no road would take an object to where its box is
+    _told: float = 0.0  # of the statistic, what messages gave
+    _passed: float = 0.0  # of that, what the scene gave that passed through the box
 
     def add(
         self,
@@ -140,13 +146,30 @@ class PhantomTest:
 
         `sure`: nobody is accused before.
         """
-        if self.statistic == 0.0:
+        if self._told == 0.0:
             self.since_ns = stamp_ns
         told = max((each for each in (passing, lying) if each is not None), default=0.0)
         if lying is None:
             told = max(told, -self._passed)
         if lying is None or (passing is not None and passing >= lying):
             self._passed = max(self._passed + told, 0.0)
-        self.statistic = min(max(self.statistic + told, 0.0), 2.0 * threshold)
+        self._told = min(max(self._told + told, 0.0), 2.0 * threshold)
+        self._sum_up()
         self.accused = sure and self.statistic >= threshold * (0.5 if self.accused else 1.0)
         return self.accused
+
+    def take_back(self, riding: int) -> None:
+        """Nothing passed, and so many corners went where the box went: what passed before was by chance.
+
+        A box that jumps to a neighbour and back would else be remembered for as long as it is told of.
+        """
+        less = min(_RIDES * riding, _MOST_A_MESSAGE, self._passed)
+        self._passed -= less
+        self._told -= less
+        self._sum_up()
+
+    def _sum_up(self) -> None:
+        self._passed = min(self._passed, self._told)
+        lying = self._told - self._passed
+        in_air = max(_ALOFT - lying, 0.0) if self.aloft and self._passed > 0.0 else 0.0
+        self.statistic = self._told + in_air
