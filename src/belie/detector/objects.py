@@ -98,10 +98,8 @@ class ObjectStage:
         current = ImageStack(_as_gray(frame.image), half)
         self._scene.move(estimate, scene)
         # Since an image that was not judged by, the camera has turned more than once.
-        known = estimate is not None and estimate.inliers > 0 and estimate.reason is None
-        R_cur_prev = (
-            estimate.T_prev_cur.R.T if estimate is not None and known and not self._is_blind else None
-        )
+        known = estimate is not None and estimate.inliers > 0 and not self._is_blind
+        R_cur_prev = estimate.T_prev_cur.R.T if estimate is not None and known else None
         self._is_blind = False
         judgements: list[Judgement] = []
         for stream in self.streams.values():
