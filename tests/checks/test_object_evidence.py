@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from belie.checks.objects import Counts, ErrorTest, Habit, PhantomTest, passing_evidence
+from belie.checks.objects import Counts, ErrorTest, Habit, PhantomTest, passing_evidence, shared_thresholds
 
 
 def test_a_box_that_the_scene_passes_through_is_suspect_and_one_that_carries_its_corners_is_not():
@@ -116,3 +116,7 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
         test.right(0.1)
     assert not test.is_open
     assert test.errors == 0
+
+
+def test_however_many_false_alarms_are_tolerated_one_must_tell_something():
+    assert shared_thresholds(np.full(2, 3.5), np.full(2, 3.2), 2.0).min() >= 1.0

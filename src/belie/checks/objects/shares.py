@@ -13,6 +13,7 @@ from belie.geometry import FloatArray
 
 _LEAST_STEP = 0.5  # nats a message: below, whole messages do not matter
 _ROUNDING = 1e-9  # nats: of sums of messages that just reach it
+_LEAST = 1.0  # nats: of a threshold, however many false alarms are tolerated; as in `run_threshold`
 
 
 def shared_thresholds(first: FloatArray, each: FloatArray, rate: float) -> FloatArray:
@@ -57,6 +58,6 @@ def shared_thresholds(first: FloatArray, each: FloatArray, rate: float) -> Float
         price = np.exp(steps - thresholds) - spent
         fits = (further > 0.0) & (price <= rate - spent.sum())
         if not fits.any():
-            return np.asarray(thresholds - np.log(rate / spent.sum()) - _ROUNDING)
+            return np.asarray(np.maximum(thresholds - np.log(rate / spent.sum()) - _ROUNDING, _LEAST))
         gain = np.log1p(1.0 / np.maximum(further, 1.0))
         further[np.argmax(np.where(fits, gain / price, 0.0))] -= 1.0
