@@ -60,3 +60,50 @@ def test_what_hangs_on_a_wall_stays_there_under_a_shaking_camera(knows_its_rotat
         found += [(k, a.type.value) for a in book.raise_new(judgements, now)]
     kinds = [kind for _, kind in found]
     assert kinds == (["obstacle_hiding"] if knows_its_rotation else [])
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_what_hangs_on_a_wall_has_no_speed_of_its_own_however_late_it_is_told_of(late):
+    config, rng = Config(), np.random.default_rng(2)
+    stage = ObjectStage(MODEL, config.objects, config.tracking, 0.1)
+    for k in range(20):
+        now = k * FRAME_NS
+        if k >= late:
+            box = BOX + shift_of(k - late) * np.array([1.0, 0.0, 1.0, 0.0])
+            told = (Detection(label="car", score=0.9, track_id="7", box_px=box),)
+            stamp_ns = now - late * FRAME_NS
+            stage.take(
+                (DetectionClaim(source="/d", stamp_ns=stamp_ns, received_ns=now, detections=told),), now
+            )
+        frame = Frame(camera="/image", stamp_ns=now, received_ns=now, image=picture_at(k, rng))
+        stage.update(frame, estimate_at(k) if k else None)
+    (track,) = stage.streams["/d"].tracks
+    assert np.abs(track.speed_px_s).max() < 15.0  # of 250 px/s that the camera shakes
+
+
+@pytest.mark.parametrize(
+    ("distortion", "fx", "box"),
+    [
+        ((-0.01, 0.005, -0.003, 0.001), 250.0, [-280.0, 200, 60, 280]),  # middle beyond the image
+        ((0.2, -0.1, 0.1, -0.1), 250.0, [0.0, 200, 40, 280]),  # beyond what the model tells
+    ],
+)
+def test_what_a_fisheye_cannot_place_is_not_turned_far_away(distortion, fx, box):
+    model = CameraModel(
+        width=640, height=480, fx=fx, fy=fx, cx=319.5, cy=239.5, model="equidistant", distortion=distortion
+    )
+    config, rng = Config(), np.random.default_rng(2)
+    stage = ObjectStage(model, config.objects, config.tracking, 0.1)
+    told = (Detection(label="car", score=0.9, track_id="7", box_px=np.array([0.0, 200, 60, 280])),)
+    stage.take((DetectionClaim(source="/d", stamp_ns=0, received_ns=0, detections=told),), 0)
+    picture = rng.integers(40, 200, (480, 640)).astype(np.uint8)
+    stage.update(Frame(camera="/image", stamp_ns=0, received_ns=0, image=picture))
+    (track,) = stage.streams["/d"].tracks
+    track.box_px = np.array(box)
+    still = VisualEstimate(
+        stamp_ns=FRAME_NS, previous_stamp_ns=0, T_prev_cur=SE3.identity(), covariance=1e-6 * np.eye(6),
+        corners=100, matches=100, inliers=100, parallax_px=0.0,
+    )  # fmt: skip
+    stage.update(Frame(camera="/image", stamp_ns=FRAME_NS, received_ns=FRAME_NS, image=picture), still)
+    (track,) = stage.streams["/d"].tracks
+    assert np.abs(track.box_px - box).max() < 5.0

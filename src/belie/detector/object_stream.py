@@ -103,9 +103,14 @@ class ObjectStream:
         if R_cur_prev is None or not len(boxes):
             return np.zeros((len(boxes), 2))
         middles = 0.5 * (boxes[:, :2] + boxes[:, 2:]) - 0.5
+        if self.camera.is_distorted:  # beyond the image, its model may come back somewhere else
+            middles = np.clip(middles, 0.0, np.array([self.camera.width, self.camera.height]) - 1.0)
         rays = np.column_stack([self.camera.normalize(middles), np.ones(len(middles))])
-        shifts = self.camera.project(rays @ R_cur_prev.T) - middles
-        return np.where(np.isfinite(shifts), shifts, 0.0)
+        turned = rays @ R_cur_prev.T
+        shifts = self.camera.project(turned) - middles
+        known = np.linalg.norm(self.camera.project(rays) - middles, axis=1) < 1.0
+        known &= (turned[:, 2] > 0.0) & np.isfinite(shifts).all(axis=1)
+        return np.where(known[:, None], shifts, 0.0)
 
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():

@@ -89,9 +89,9 @@ class ObjectTrack:
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
     likeness: Likeness = field(default_factory=Likeness)
-    turned_px: FloatArray = field(
-        default_factory=lambda: np.zeros(2)
-    )  # its shift by the camera's rotation, since then
+    # Its shift by the camera's rotation: up to each frame of its history, and to that of the last detected box.
+    turns_px: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    told_turn_px: FloatArray = field(default_factory=lambda: np.zeros(2))
     told_before: tuple[int, FloatArray] | None = (
         None  # frame count and box of the message before the last one
     )
@@ -118,7 +118,7 @@ class ObjectTrack:
         motion = follow_object(
             view, current, self.box_px, self.corners_px, self.growth, self.shift_px + turn_px, settings, leads
         )
-        self.turned_px = self.turned_px + turn_px
+        self.turns_px.append(turn_px + (self.turns_px[-1] if self.turns_px else 0.0))
         self.motion, self.view, self.told_px = motion, motion.view, None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
         is_led = (
@@ -234,12 +234,13 @@ class ObjectTrack:
     def _learn_speed(self, box_px: FloatArray, stamp_ns: int) -> None:
         """How its detections move: the guide where its own corners do not last."""
         middle = 0.5 * (box_px[:2] + box_px[2:])
+        turn_px = self.turns_px[self._nearest(stamp_ns)] if self.turns_px else np.zeros(2)
         if self.told_middle is not None and stamp_ns > self.last_seen_ns:
-            own_px = middle - self.told_middle - self.turned_px
+            own_px = middle - self.told_middle - (turn_px - self.told_turn_px)
             speed = own_px / ((stamp_ns - self.last_seen_ns) * 1e-9)
             last = self.speed_px_s
             self.speed_px_s = speed if last is None else last + _TRUST * (speed - last)
-        self.told_middle, self.turned_px = middle, np.zeros(2)
+        self.told_middle, self.told_turn_px = middle, turn_px
 
     def renew(self, current: ImageStack, settings: ObjectSettings, frame: int, covers: FloatArray) -> None:
         """It was told of: drop corners that do not ride with the box, and find new ones.
