@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from object_tools import BACKGROUND, COVER, FRAME_NS, HEIGHT, MODEL, PATCH, SIDE, WIDTH, Scene, place, texture
 
+from belie.checks.objects import Habit
 from belie.detector import Config
 from belie.detector.alerts import AlertBook
 from belie.detector.objects import ObjectStage
@@ -115,6 +116,16 @@ def test_a_slow_detector_is_accused_too(interval):
         detections = (told(watch.near(scene.box(k))),) if k < 12 * interval else ()
         watch.step(k, scene.image(k), *([] if k % interval else [message(k * FRAME_NS, *detections)]))
     assert [alert[1:] for alert in watch.alerts] == [("obstacle_hiding", "7")]
+
+
+def test_nobody_asks_how_long_an_object_may_be_missing_that_is_told_of(monkeypatch):
+    watch, asked = Watch(), []
+    for k in range(6):
+        watch.step(k, with_noise(BACKGROUND[:, :WIDTH], k), message(k * FRAME_NS, told([100, 100, 160, 160])))
+    monkeypatch.setattr(Habit, "shortest_run", lambda *_: asked.append(1) or 5)
+    monkeypatch.setattr("belie.detector.objects.answer", lambda *_: [])
+    watch.step(6, with_noise(BACKGROUND[:, :WIDTH], 6), message(6 * FRAME_NS, told([100, 100, 160, 160])))
+    assert not asked
 
 
 def test_a_near_object_is_followed_before_many_small_ones():

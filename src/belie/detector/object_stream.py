@@ -115,16 +115,18 @@ class ObjectStream:
     def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
         if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
             return True
+        untold_ns, least_ns = stamp_ns - track.last_seen_ns, max(_FORGET_NS, int(3e9 * self.interval_s))
+        if untold_ns <= least_ns:
+            return False
         # A slow detector needs as long to be accused of it.
         messages = 1 + self.missed.shortest_run(
             max(self.interval_s, 1e-3), self.shares.threshold("hiding", track)
         )
         longest_ns = max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
-        untold_ns = stamp_ns - track.last_seen_ns
         is_suspected = track.hiding.accused or track.was_accused
         is_suspected |= track.hiding.errors > 0 and untold_ns <= longest_ns
         silent_ns = min(untold_ns, stamp_ns - track.last_found_ns) if is_suspected else untold_ns
-        if silent_ns <= max(_FORGET_NS, int(3e9 * self.interval_s)):
+        if silent_ns <= least_ns:
             return False
         return bool(track.absence(size, self.settings)) or silent_ns > longest_ns
 
