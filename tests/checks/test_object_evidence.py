@@ -42,6 +42,15 @@ def test_corners_that_ride_take_back_what_passed_but_not_where_corners_lie():
     assert test.statistic == pytest.approx(6.0)
 
 
+def test_an_accusation_ends_where_what_it_rests_on_is_taken_back():
+    test = PhantomTest()
+    for k in range(3):
+        test.add(6.0, None, 15.0, k)
+    for riding, accused in ((3, True), (3, False)):
+        test.take_back(riding)
+        assert test.accused == accused
+
+
 def habit_after(gaps, messages=600, rate=0.03):
     habit, own = Habit(rate=rate, persistence_s=0.02, prior_messages=40, prior_gaps=10), Counts()
     for length in gaps:

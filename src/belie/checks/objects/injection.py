@@ -28,6 +28,7 @@ _PASSES, _RIDES = 1.3, 2.0  # nats: log(0.9 / 0.25), log(0.75 / 0.1)
 # Of a hundred true objects one stands where no road would take it (on a bridge, a bank, a balcony), of phantoms every
 # other.
 _ALOFT = 3.9  # nats: log(0.5 / 0.01)
+_ACQUITS = 0.5  # of the threshold: an accusation ends below
 _DECIDED = 0.75  # share of the corners that must have been explained at all
 
 
@@ -132,6 +133,7 @@ class PhantomTest:
     aloft: bool = False  # no road would take an object to where its box is
     _told: float = 0.0  # of the statistic, what messages gave
     _passed: float = 0.0  # of that, what the scene gave that passed through the box
+    _threshold: float = 0.0  # the latest
 
     def add(
         self,
@@ -154,8 +156,9 @@ class PhantomTest:
         if lying is None or (passing is not None and passing >= lying):
             self._passed = max(self._passed + told, 0.0)
         self._told = min(max(self._told + told, 0.0), 2.0 * threshold)
+        self._threshold = threshold
         self._sum_up()
-        self.accused = sure and self.statistic >= threshold * (0.5 if self.accused else 1.0)
+        self.accused = sure and self.statistic >= threshold * (_ACQUITS if self.accused else 1.0)
         return self.accused
 
     def take_back(self, riding: int) -> None:
@@ -167,6 +170,8 @@ class PhantomTest:
         self._passed -= less
         self._told -= less
         self._sum_up()
+        # Where nothing else is told from then on, nobody would ask again.
+        self.accused = self.accused and self.statistic >= _ACQUITS * self._threshold
 
     def _sum_up(self) -> None:
         self._passed = min(self._passed, self._told)
