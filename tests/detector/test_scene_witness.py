@@ -178,3 +178,22 @@ def test_a_box_in_the_air_is_told_from_one_on_the_ground(box, aloft):
     with_corners(witness, track, on_wall(box, 14.0, 3), born=3, box_then=box, told=box)
     assert passing(witness, track) is not None
     assert track.phantom.aloft == aloft
+
+
+@pytest.mark.parametrize("hides", [True, False])
+def test_what_was_hidden_and_is_seen_beside_the_object_now_did_not_pass_through_it(hides):
+    """Something crosses; its detector tells of it every third frame."""
+    scene, then, now = still_scene(), 2, 5
+    told = {then: HIGH, now: HIGH + np.array([110.0, 0.0, 110.0, 0.0])}
+    witness = SceneWitness(CAMERA)
+    for k in range(1, now + 1):
+        points = moved(scene, k)
+        if hides and k in told:
+            px = CAMERA.project(points)
+            points = points[~((px > told[k][:2]) & (px < told[k][2:])).all(axis=1)]
+        witness.move(estimate(), scene_of(points))
+    track = track_of(told[now])
+    track.told_before = then, told[then]
+    evidence = passing(witness, track)
+    assert (evidence is None) == hides
+    assert hides or evidence > 5.0

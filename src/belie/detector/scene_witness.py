@@ -15,6 +15,7 @@ from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plan
 from belie.types import VisualEstimate
 
 Scene = tuple[FloatArray, FloatArray, FloatArray]  # undistorted (N, 2), 1/Z and its deviation
+_SeenSince = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # px now and then (N, 2), 1/Z now and then
 _Depths = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]  # 1/Z, its deviation, whether it keeps still
 
 _SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and the rotation's share
@@ -34,6 +35,8 @@ _MEDIAN = 0.6745  # of a normal error's size, in deviations
 _STEEPEST = 0.15  # tangent: of roads, as a mean over the way to an object
 _NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
+_LEAST_REACH_PX = 3.0  # within which a scene corner is found again by its depth
+_SAME_DEPTH = 0.2  # of 1/Z: depths of scene corners are known to a fifth
 _LEAST_GROUNDS = 3  # fits: a plane through parked cars passes for the road once, and no majority outvotes it
 _GROUND_LASTS = 30  # frames: a camera keeps its height and tilt over the road
 
@@ -68,13 +71,14 @@ class SceneWitness:
     _poses: deque[tuple[int, SE3]] = field(default_factory=lambda: deque(maxlen=_MEMORY))
     _map_id: int = -1
     _scene: Scene | None = None
+    _scenes: deque[tuple[int, Scene]] = field(default_factory=lambda: deque(maxlen=_MEMORY))
     _ground: InverseDepthPlane | None = None
     _grounds: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=15))  # the latest fits
     _ground_frame: int = 0
     _parallax_px: float = 0.0  # of the scene, since it last told something new
     _has_moved: bool = False
     _noise: float = _NOISE  # of told boxes, of their sides
-    _scene_px: dict[int, tuple[FloatArray, FloatArray, FloatArray] | None] = field(default_factory=dict)
+    _scene_px: dict[int, _SeenSince | None] = field(default_factory=dict)
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
         """Take over the camera's motion to a new frame, and the depths of its corners there."""
@@ -99,6 +103,7 @@ class SceneWitness:
             self._map_id = estimate.map_id
             self._poses.append((self.frame - 1, SE3.identity()))
         self._poses.append((self.frame, self._poses[-1][1] @ estimate.T_prev_cur))
+        self._scenes.append((self.frame, scene))
         # The same picture seen twice is no second witness, neither of the ground nor of what stands on it.
         self._parallax_px += self._parallax_of(estimate, scene)
         self._has_moved = self._parallax_px >= _SIGMA_PX
@@ -212,9 +217,13 @@ class SceneWitness:
         seen = self._scene_px[then]
         if seen is None:
             return None
-        now_px, then_px, rho = seen
+        now_px, then_px, rho, rho_then = seen
         places, places_then = places_in(told, now_px), places_in(told_then, then_px)
-        near = _in_the_middle(places) | _in_the_middle(places_then)
+        near = _in_the_middle(places)
+        # What an object hid then, and is seen beside it now, did not pass through it.
+        left = np.flatnonzero(_in_the_middle(places_then) & ~near)
+        reach_px = np.maximum(_LEAST_REACH_PX, _SAME_DEPTH * np.abs(now_px - then_px).max(axis=1))
+        near[left] = self._was_seen(then, told_then, then_px[left], rho_then[left], reach_px[left])
         strays = (places - places_then)[near] * self._is_whole(told_then)
         n = len(strays)
         return _Corners(
@@ -222,8 +231,27 @@ class SceneWitness:
             rho[near], np.ones(n, dtype=bool),
         )  # fmt: skip
 
-    def _scene_since(self, then: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """The still scene's corners: pixels (N, 2) now and in an earlier frame, and 1/Z."""
+    def _was_seen(
+        self,
+        then: int,
+        told_then: FloatArray,
+        then_px: FloatArray,
+        rho_then: FloatArray,
+        reach_px: FloatArray,
+    ) -> npt.NDArray[np.bool_]:
+        """Of scene points (N, 2), whether a corner so far away was known there then, in the middle of the box."""
+        scene = dict(self._scenes).get(then)
+        if scene is None or not len(then_px):
+            return np.zeros(len(then_px), dtype=bool)
+        seen_px = self.camera.project(np.column_stack([scene[0], np.ones(len(scene[0]))]))
+        within = _in_the_middle(places_in(told_then, seen_px))
+        off_px = np.abs(then_px[:, None] - seen_px[within]).max(axis=2)
+        off = np.abs(rho_then[:, None] - scene[1][within])
+        same = (off_px < reach_px[:, None]) & (off < _SAME_DEPTH * rho_then[:, None])
+        return np.asarray(same.any(axis=1))
+
+    def _scene_since(self, then: int) -> _SeenSince | None:
+        """The still scene's corners, now and in an earlier frame."""
         poses = dict(self._poses)
         if self._scene is None or then not in poses or then == self.frame:
             return None
@@ -231,7 +259,10 @@ class SceneWitness:
         points = np.column_stack([xy, np.ones(len(xy))]) / rho[:, None]
         points_then = (poses[then].inverse() @ poses[self.frame]).apply(points)
         ahead = points_then[:, 2] > _NEAREST * points[:, 2]
-        return self.camera.project(points[ahead]), self.camera.project(points_then[ahead]), rho[ahead]
+        return (
+            self.camera.project(points[ahead]), self.camera.project(points_then[ahead]),
+            rho[ahead], 1.0 / points_then[ahead, 2],
+        )  # fmt: skip
 
     def _scene_within(self, box_px: FloatArray) -> Scene:
         """The still scene's corners inside a box."""
