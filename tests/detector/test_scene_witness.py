@@ -50,7 +50,7 @@ def track_of(told):
     track = ObjectTrack(
         name="7", track_id="7", label="car", box_px=told, hiding=ErrorTest(habit), naming=ErrorTest(habit)
     )
-    track.told_px = told
+    track.told_px = track.carried_px = told
     return track
 
 

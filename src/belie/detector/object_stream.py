@@ -135,7 +135,7 @@ class ObjectStream:
         self.heard = False
         self.unseen_ns = until_ns
         for track in self.tracks:
-            track.told_px = None
+            track.told_px = track.carried_px = None
         told = [claim.stamp_ns for claim in self.waiting if claim.stamp_ns <= until_ns]
         self.waiting = [claim for claim in self.waiting if claim.stamp_ns > until_ns]
         if told:
@@ -151,10 +151,10 @@ class ObjectStream:
             claim = self.waiting.pop(0)
             if claim.stamp_ns <= max(self.unseen_ns, -1 if self.last_ns is None else self.last_ns):
                 continue  # told again, out of order, or of an image that nobody could judge by
-            self._judge(claim, current)
+            self._judge(claim, current, frame_ns, half_ns)
             self.heard = True
 
-    def _judge(self, claim: DetectionClaim, current: ImageStack) -> None:
+    def _judge(self, claim: DetectionClaim, current: ImageStack, frame_ns: int, half_ns: int) -> None:
         if self.last_ns is not None:
             self._steps_s.append(min((claim.stamp_ns - self.last_ns) * 1e-9, _SLOWEST_S))
             # The (lower) median: a pause is no slower rate, and two messages at once are no faster one.
@@ -200,7 +200,9 @@ class ObjectStream:
             if not make_room(self.tracks, longer_side(boxes[j]), self.settings):
                 self.unfollowed = len(unknown) - n
                 break
-            self._meet(told[j][0], boxes[j], claim.stamp_ns, current, boxes[hiders[j]])
+            track = self._meet(told[j][0], boxes[j], claim.stamp_ns)
+            track.meet(boxes[j], claim.stamp_ns, frame_ns, half_ns, current.size)
+            track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
         self.shares.weigh(self.tracks)
 
     def _look_through(
@@ -289,6 +291,7 @@ class ObjectStream:
             track.label = track.label if misnamed else detection.label
         track.weight += vote
         track.told_px, track.told_label, track.told_id = box, detection.label, detection.track_id
+        track.carried_px = track.carried(box, stamp_ns, current.size)
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame, covers)
@@ -324,9 +327,7 @@ class ObjectStream:
         sure = track.weight >= self.settings.established
         track.phantom.add(*told, self.shares.threshold("injection", track), stamp_ns, sure=sure)
 
-    def _meet(
-        self, detection: Detection, box: FloatArray, stamp_ns: int, current: ImageStack, covers: FloatArray
-    ) -> None:
+    def _meet(self, detection: Detection, box: FloatArray, stamp_ns: int) -> ObjectTrack:
         self._made += 1
         track = ObjectTrack(
             name=new_name(self.tracks, detection.track_id, self._made),
@@ -341,10 +342,9 @@ class ObjectStream:
         )
         track.weight = _weight(detection.score) * _sight(box)
         track.votes[self.settings.classes.of(detection.label)] = track.weight
-        track.told_px, track.told_label, track.told_id = box, detection.label, detection.track_id
-        track.detect(box, stamp_ns, current.size)
-        track.renew(current, self.settings, self.scene.frame, covers)
+        track.told_label, track.told_id = detection.label, detection.track_id
         self.tracks.append(track)
+        return track
 
 
 def _has_no_box(detection: Detection) -> bool:

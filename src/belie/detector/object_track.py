@@ -84,6 +84,8 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     is_swapped: bool = False  # that is an id
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
+    carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
+    placed_ns: int = 0  # stamp from which on it is known where it was
     told_label: str = ""
     told_id: str = ""
     told_middle: FloatArray | None = None  # of the last detected box
@@ -93,7 +95,7 @@ class ObjectTrack:
     turns_px: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     told_turn_px: FloatArray = field(default_factory=lambda: np.zeros(2))
     told_before: tuple[int, FloatArray] | None = (
-        None  # frame count and box of the message before the last one
+        None  # frame count and (carried) box of the message before the last one
     )
 
     def follow(
@@ -119,7 +121,8 @@ class ObjectTrack:
             view, current, self.box_px, self.corners_px, self.growth, self.shift_px + turn_px, settings, leads
         )
         self.turns_px.append(turn_px + (self.turns_px[-1] if self.turns_px else 0.0))
-        self.motion, self.view, self.told_px = motion, motion.view, None
+        self.motion, self.view = motion, motion.view
+        self.told_px = self.carried_px = None
         # Where few corners agree, and none has proved to be the object's, they may as well be the background's.
         is_led = (
             self.speed_px_s is None or not self.is_soft or 2 * motion.agreeing.sum() >= len(motion.agreeing)
@@ -153,6 +156,28 @@ class ObjectTrack:
         if newest < 0 or self.history[newest][0] <= stamp_ns:
             return newest
         return min(range(newest + 1), key=lambda k: abs(self.history[k][0] - stamp_ns))
+
+    def carried(self, box_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> FloatArray | None:
+        """A detected box of an earlier or this frame as it would be in this one; None where that is not known.
+
+        An edge at the image's border stays there.
+        """
+        if stamp_ns < self.placed_ns:
+            return None
+        borders = np.array([0.0, 0.0, *size])
+        moved = np.clip(box_px + (self.box_px - self.box_at(stamp_ns)), 0.0, np.tile(size, 2))
+        moved = np.where(np.abs(box_px - borders) < 2.0, box_px, moved)
+        return moved if bool((moved[2:] - moved[:2] >= 2.0).all()) else None
+
+    def meet(
+        self, box_px: FloatArray, stamp_ns: int, frame_ns: int, half_ns: int, size: tuple[int, int]
+    ) -> None:
+        """Take over its first detected box, told at a frame that may be a later one."""
+        self.placed_ns = frame_ns - half_ns
+        self.history.append((frame_ns, box_px))
+        self.turns_px.append(np.zeros(2))
+        self.told_px, self.carried_px = box_px, self.carried(box_px, stamp_ns, size)
+        self.detect(box_px, stamp_ns, size)
 
     def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
         """Share of its proven corners in a box that was told when its own was `own_px`; 1 if there are too few."""
@@ -250,13 +275,17 @@ class ObjectTrack:
         places = self._places_of(self.corners_px)
         rides = (np.abs(places - self.places) < DRIFTS).all(axis=1)
         self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
+        unplaced = np.isnan(self.born_places).any(axis=1)
+        if self.carried_px is not None and unplaced.any():  # late: what is seen of them begins now
+            self.born_places[unplaced] = self._born_places(self.corners_px[unplaced])
+            self.born_px[unplaced], self.births[unplaced] = self.corners_px[unplaced], frame
         self.covers = covers
         self._search(current, settings, frame)
         covered = inside(self.corners_px, covers)
         self.ages[covered] = 0
         if not covered.any():
             self.open_then = self.corners_px, self.box_px, self.ages, self.births
-        self.told_before = None if self.told_px is None else (frame, self.told_px)
+        self.told_before = None if self.carried_px is None else (frame, self.carried_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
 
@@ -289,7 +318,7 @@ class ObjectTrack:
             self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
             self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
             self.born_px = np.concatenate([self.born_px, fresh])
-            self.born_places = np.concatenate([self.born_places, self._places_of(fresh, self.told_px)])
+            self.born_places = np.concatenate([self.born_places, self._born_places(fresh)])
             if self.contrast == 0.0:
                 self.contrast = self.view.contrast
 
@@ -316,6 +345,12 @@ class ObjectTrack:
         if self.contrast < settings.least_contrast * self.contrast_then:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
+
+    def _born_places(self, px: FloatArray) -> FloatArray:
+        """Where new corners lie in the box that was told; NaN where it cannot be carried to this image."""
+        if self.carried_px is None and self.told_px is not None:
+            return np.full((len(px), 2), np.nan)
+        return self._places_of(px, self.carried_px)
 
     def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
         return places_in(self.box_px if box_px is None else box_px, px)

@@ -130,7 +130,7 @@ class SceneWitness:
 
     def _learn_noise(self, track: ObjectTrack) -> None:
         """Correct the median error of told edges; a few wild ones, of a box that is no object's, change it little."""
-        told, motion = track.told_px, track.motion
+        told, motion = track.carried_px, track.motion
         if told is None or motion is None or track.phantom.accused:
             return
         error = np.abs(told - motion.box_px) / np.tile(told[2:] - told[:2], 2)
@@ -160,7 +160,7 @@ class SceneWitness:
 
     def _passing(self, track: ObjectTrack, depths: _Depths) -> float | None:
         """Whether the still scene passes through the box."""
-        told = track.told_px
+        told = track.carried_px
         if told is None or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
             return None
         corners = self._own_corners(track, told, depths)
@@ -197,7 +197,7 @@ class SceneWitness:
 
     def _own_corners(self, track: ObjectTrack, told: FloatArray, depths: _Depths) -> _Corners:
         """The object's corners since they were found."""
-        older = track.births < self.frame
+        older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
         rho, _, still = depths
         frames = self.frame - track.births
         places = places_in(told, track.corners_px)
