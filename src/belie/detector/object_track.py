@@ -162,10 +162,14 @@ class ObjectTrack:
 
         An edge at the image's border stays there.
         """
-        if stamp_ns < self.placed_ns:
+        is_forgotten = len(self.history) == _HISTORY and stamp_ns < self.history[0][0]
+        if is_forgotten or stamp_ns < self.placed_ns:
             return None
+        then = self._nearest(stamp_ns)
+        if then == len(self.history) - 1:
+            return box_px
         borders = np.array([0.0, 0.0, *size])
-        moved = np.clip(box_px + (self.box_px - self.box_at(stamp_ns)), 0.0, np.tile(size, 2))
+        moved = np.clip(box_px + (self.box_px - self.history[then][1]), 0.0, np.tile(size, 2))
         moved = np.where(np.abs(box_px - borders) < 2.0, box_px, moved)
         return moved if bool((moved[2:] - moved[:2] >= 2.0).all()) else None
 
