@@ -24,6 +24,8 @@ from _simulated_attacks import LONG, Found, Trial, run
 from belie.evaluation.bench.cases import DriveCase
 from belie.evaluation.intervals import wilson_interval
 
+_LENGTHS = (5, 6, 8, 10, 15, 20)
+
 
 def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
     """The tables."""
@@ -50,9 +52,11 @@ def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
         delays = Counter(t.delay for t in trials if t.delay is not None)
         share = f"{100 * low:.1f} to {100 * high:.1f} %"
         yield f"\n{kind}, not in heavy fog: {share}; frames to the alert: {dict(sorted(delays.items()))}"
-        for low_px, high_px in ((24, 32), (32, 48), (48, 96), (96, 10_000)):
+        yield f"\n| {kind} for | {' | '.join(f'{n} frames' for n in _LENGTHS)} |\n|---|{'---:|' * len(_LENGTHS)}"
+        for low_px, high_px in ((24, 32), (32, 40), (40, 48), (48, 96), (96, 10_000)):
             part = [t for t in trials if low_px <= t.side_px < high_px]
-            yield f"- {low_px} to {high_px} px: {sum(t.delay is not None for t in part)}/{len(part)}"
+            found_in = [sum(t.delay is not None and t.delay < n for t in part) for n in _LENGTHS]
+            yield f"| {low_px} to {high_px} px | {' | '.join(f'{n}/{len(part)}' for n in found_in)} |"
     if show:
         yield "\nNot found:\n"
         for one in found:
