@@ -62,9 +62,9 @@ def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
         for one in found:
             for t in one.trials:
                 if t.delay is None:
-                    why = "; ".join(f"{n} x {reason}" for reason, n in t.undecided.most_common(3))
+                    why = "; ".join(f"{n} x {reason}" for reason, n in t.doubts.most_common(3))
                     wrong = "; ".join(t.wrong)
-                    yield f"- {_name(one.case)}: {t.spec}, {t.side_px:.0f} px: {why or 'no doubt'} {wrong}"
+                    yield f"- {_name(one.case)}: {t.spec}, {t.side_px:.0f} px: {why} {wrong}"
 
 
 def _cells(own: Sequence[Found], within: int) -> str:
@@ -80,7 +80,7 @@ def _cells(own: Sequence[Found], within: int) -> str:
 
 
 def _is_undecided(trial: Trial) -> bool:
-    return trial.undecided.total() >= 0.5 * trial.frames
+    return trial.undecided >= 0.5 * trial.frames
 
 
 def _name(case: DriveCase) -> str:
