@@ -16,6 +16,7 @@ from belie.geometry.boxes import inside, longer_side
 from belie.odometry.local_features import ImageStack, View, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
+from belie.types import Detection
 
 _HISTORY = 16  # frames that a late message may refer to
 _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain by a few per cent
@@ -84,6 +85,7 @@ class ObjectTrack:
     called: str = ""  # its last label or id, where that is not its own
     is_swapped: bool = False  # that is an id
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
+    told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
     told_id: str = ""
     told_middle: FloatArray | None = None  # of the last detected box
@@ -194,6 +196,11 @@ class ObjectTrack:
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
         return self.corners_then < 2 * LEAST_CORNERS
+
+    def take_over(self, detection: Detection, box_px: FloatArray) -> None:
+        """Keep what a message says of it."""
+        self.told_px, self.told_label, self.told_id = box_px, detection.label, detection.track_id
+        self.told_area_px2 = float(np.prod(box_px[2:] - box_px[:2]))
 
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
