@@ -22,8 +22,8 @@ LEAST_OVERLAP = (
 )
 _NO_ID = "-1"  # of trackers that have none to give
 _LEAST_OF_SAME = 0.05  # of a detection and its object by id: at a low rate it moves by most of its side
-# Of the area that was told before: less, with so little overlap, is a box that shrank at once. Nothing drives away so fast,
-# and what passes behind others is cut a little at a time.
+# Of the area that was told before: less, with so little overlap, is a box that shrank at once. Nothing drives away so
+# fast, and what passes behind others is cut a little at a time.
 _SHRINKS = 1.0 / 3.0
 _SAME_ID = 0.3  # what an equal track id is worth, in IoU
 # Of an object and a detection under another id that does not hold its corners. Edges that are each 5 % of the side off
