@@ -157,7 +157,8 @@ class Judge:
         ((name, camera),) = recording.cameras.items()
         config, self._drive = Config(), drive
         self._paper = PaperProfile(name, camera, config) if profile == "paper" else None
-        self._stage = ObjectStage(camera.model, objects or config.objects, config.tracking, rate)
+        self._settings, self._size = objects or config.objects, (camera.model.width, camera.model.height)
+        self._stage = ObjectStage(camera.model, self._settings, config.tracking, rate)
         self._book = AlertBook()
 
     def __deepcopy__(self, memo: dict[int, object]) -> Judge:
@@ -169,6 +170,14 @@ class Judge:
     def habits(self) -> list[ObjectHabits]:
         """What was seen of each detector."""
         return list(self._stage.habits().values())
+
+    def doubt(self, name: str) -> str:
+        """Why an object's absence means nothing (yet), by its own pixels; empty where it does."""
+        for stream in self._stage.streams.values():
+            for track in stream.tracks:
+                if track.name == name:
+                    return track.absence(self._size, self._settings)
+        return "no longer followed"
 
     def look(self, index: int, step: Step) -> tuple[list[Judgement], list[Alert]]:
         """The judgements of a frame and the new alerts about objects."""

@@ -89,7 +89,8 @@ class Trial:
     side_px: float
     delay: int | None
     wrong: list[str]
-    undecided: Counter[str] = field(default_factory=Counter)
+    undecided: int = 0  # frames
+    doubts: Counter[str] = field(default_factory=Counter)  # about the object itself, by frame
     frames: int = LONG
 
 
@@ -185,9 +186,10 @@ def attacked(recording: MemoryRecording, judge: Judge, kind: str, target: Target
                 trial.wrong.append(f"{a.type.value} of {a.object} at {index}")
         if trial.delay is not None or index >= target.frame + long:
             break
-        for j in judgements:
-            if j.result.check == check and j.result.status is Status.UNDECIDED:
-                trial.undecided[_plain(j.result.reason)] += 1
+        trial.undecided += any(
+            j.result.check == check and j.result.status is Status.UNDECIDED for j in judgements
+        )
+        trial.doubts[_plain(judge.doubt(target.name)) or "its detector's own habit"] += 1
     return trial
 
 

@@ -24,6 +24,8 @@ from _simulated_attacks import LONG, Found, Trial, run
 from belie.evaluation.bench.cases import DriveCase
 from belie.evaluation.intervals import wilson_interval
 
+_LENGTHS = (5, 6, 8, 10, 15, 20)
+
 
 def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
     """The tables."""
@@ -50,17 +52,19 @@ def lines(found: Sequence[Found], within: int, show: bool) -> Iterator[str]:
         delays = Counter(t.delay for t in trials if t.delay is not None)
         share = f"{100 * low:.1f} to {100 * high:.1f} %"
         yield f"\n{kind}, not in heavy fog: {share}; frames to the alert: {dict(sorted(delays.items()))}"
-        for low_px, high_px in ((24, 32), (32, 48), (48, 96), (96, 10_000)):
+        yield f"\n| {kind} for | {' | '.join(f'{n} frames' for n in _LENGTHS)} |\n|---|{'---:|' * len(_LENGTHS)}"
+        for low_px, high_px in ((24, 32), (32, 40), (40, 48), (48, 96), (96, 10_000)):
             part = [t for t in trials if low_px <= t.side_px < high_px]
-            yield f"- {low_px} to {high_px} px: {sum(t.delay is not None for t in part)}/{len(part)}"
+            found_in = [sum(t.delay is not None and t.delay < n for t in part) for n in _LENGTHS]
+            yield f"| {low_px} to {high_px} px | {' | '.join(f'{n}/{len(part)}' for n in found_in)} |"
     if show:
         yield "\nNot found:\n"
         for one in found:
             for t in one.trials:
                 if t.delay is None:
-                    why = "; ".join(f"{n} x {reason}" for reason, n in t.undecided.most_common(3))
+                    why = "; ".join(f"{n} x {reason}" for reason, n in t.doubts.most_common(3))
                     wrong = "; ".join(t.wrong)
-                    yield f"- {_name(one.case)}: {t.spec}, {t.side_px:.0f} px: {why or 'no doubt'} {wrong}"
+                    yield f"- {_name(one.case)}: {t.spec}, {t.side_px:.0f} px: {why} {wrong}"
 
 
 def _cells(own: Sequence[Found], within: int) -> str:
@@ -76,7 +80,7 @@ def _cells(own: Sequence[Found], within: int) -> str:
 
 
 def _is_undecided(trial: Trial) -> bool:
-    return trial.undecided.total() >= 0.5 * trial.frames
+    return trial.undecided >= 0.5 * trial.frames
 
 
 def _name(case: DriveCase) -> str:

@@ -229,3 +229,32 @@ def test_the_rate_of_messages_is_that_of_most(first_ns):
         stamps = [first_ns, 0] if k == 0 else [k * FRAME_NS]
         watch.step(k, scene.image(k), *(message(t, told(watch.near(scene.box(k)))) for t in stamps))
     assert watch.stream.interval_s == pytest.approx(0.1)
+
+
+def shrunk(box, share):
+    """A box of so large a share of the sides, about the same middle."""
+    middle, half = 0.5 * (box[:2] + box[2:]), 0.5 * share * (box[2:] - box[:2])
+    return np.concatenate([middle - half, middle + half])
+
+
+def test_a_box_that_shrinks_to_a_tenth_is_no_longer_its_objects():
+    watch, scene = Watch(), Scene(speed=1.0)
+    for k in range(40):
+        box = watch.near(scene.box(k)) if k < 20 else shrunk(scene.box(k), 0.3)
+        watch.step(k, scene.image(k), message(k * FRAME_NS, told(box)))
+    assert [(kind, name) for _, kind, name in watch.alerts] == [("obstacle_hiding", "7")]
+    assert watch.alerts[0][0] - 20 < 6
+
+
+def test_a_box_that_jumps_with_its_object_is_its_objects():
+    """From one message to the next it moves on by two thirds of its side, as at 2 Hz; its id stays."""
+    watch, scene = Watch(), Scene(speed=48.0, start=0.0)
+    for k in range(8):
+        watch.step(
+            k,
+            scene.image(k),
+            message(5 * k * FRAME_NS, told(watch.near(scene.box(k)))),
+            frame_ns=5 * FRAME_NS,
+        )
+    assert len(watch.stream.tracks) == 1
+    assert watch.alerts == []

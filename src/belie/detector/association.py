@@ -21,6 +21,10 @@ LEAST_OVERLAP = (
     0.25  # of a detection and its object (IoU); 0.25 is a shift by 60 % of the side along one axis
 )
 _NO_ID = "-1"  # of trackers that have none to give
+_LEAST_OF_SAME = 0.05  # of a detection and its object by id: at a low rate it moves by most of its side
+# Of the area that was told before: less, with so little overlap, is a box that shrank at once. Nothing drives away so
+# fast, and what passes behind others is cut a little at a time.
+_SHRINKS = 1.0 / 3.0
 _SAME_ID = 0.3  # what an equal track id is worth, in IoU
 # Of an object and a detection under another id that does not hold its corners. Edges that are each 5 % of the side off
 # (detector and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is what stands behind.
@@ -30,23 +34,28 @@ _MOST_CORNERS = 0.9  # share of an object's corners that lie in its box
 
 def assign(
     boxes: FloatArray, ids: Sequence[str], detected: FloatArray, detected_ids: Sequence[str],
-    held: Callable[[int, FloatArray], float] = lambda _, __: 1.0,
+    held: Callable[[int, FloatArray], float] = lambda _, __: 1.0, told_area: Sequence[float] = (),
 ) -> dict[int, int]:  # fmt: skip
     """Object to detection, each at most once; `held`: share of an object's corners that lie in a box.
 
-    A detection under another id may be the object behind a hidden one.
+    A detection under another id may be the object behind a hidden one; `told_area`, px²: of the boxes that were told of
+    the objects before.
 
     >>> here = np.array([[0.0, 0, 10, 10], [30, 0, 40, 10]])
     >>> assign(here, ["1", "2"], here[::-1] + 1.0, ["2", "9"])
     {0: 1, 1: 0}
     >>> assign(here, ["1", "2"], here + 3.0, ["9", "2"], lambda _, __: 0.5)
     {1: 1}
+    >>> assign(here[:1], ["1"], np.array([[4.0, 4, 6, 6]]), ["1"], told_area=[100.0])
+    {}
     """
     if len(boxes) == 0 or len(detected) == 0:
         return {}
     iou, _ = overlaps(boxes, detected)
     same = np.array([[bool(i) and i == j for j in detected_ids] for i in ids])
-    least = np.where(same, 0.05, LEAST_OVERLAP)
+    before = np.array(told_area)[:, None] if len(told_area) else 0.0
+    shrank = np.prod(detected[:, 2:] - detected[:, :2], axis=1)[None] < _SHRINKS * before
+    least = np.where(same & ~shrank, _LEAST_OF_SAME, LEAST_OVERLAP)
     for r, c in zip(*np.nonzero((iou >= LEAST_OVERLAP) & (iou < _LEAST_OF_STRANGERS) & ~same), strict=True):
         if ids[r] and detected_ids[c] and held(int(r), detected[c]) < _MOST_CORNERS:
             least[r, c] = _LEAST_OF_STRANGERS

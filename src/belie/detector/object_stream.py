@@ -168,7 +168,7 @@ class ObjectStream:
         then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
         found = assign(
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
-            lambda i, box: self.tracks[i].share_in(box, then[i]),
+            lambda i, box: self.tracks[i].share_in(box, then[i]), [t.told_area_px2 for t in self.tracks],
         )  # fmt: skip
         self.shares.share_out(self.tracks, self.interval_s)
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
@@ -290,7 +290,7 @@ class ObjectStream:
             track.votes[group] = track.votes.get(group, 0.0) + vote
             track.label = track.label if misnamed else detection.label
         track.weight += vote
-        track.told_px, track.told_label, track.told_id = box, detection.label, detection.track_id
+        track.take_over(detection, box)
         track.carried_px = track.carried(box, stamp_ns, current.size)
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
@@ -342,7 +342,7 @@ class ObjectStream:
         )
         track.weight = _weight(detection.score) * _sight(box)
         track.votes[self.settings.classes.of(detection.label)] = track.weight
-        track.told_label, track.told_id = detection.label, detection.track_id
+        track.take_over(detection, box)
         self.tracks.append(track)
         return track
 

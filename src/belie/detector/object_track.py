@@ -16,6 +16,7 @@ from belie.geometry.boxes import inside, longer_side
 from belie.odometry.local_features import ImageStack, View, local_corners, window_of
 from belie.odometry.local_motion import LocalMotion, follow_object, moved_box
 from belie.odometry.tracking import TrackingSettings
+from belie.types import Detection
 
 _HISTORY = 16  # frames that a late message may refer to
 _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain by a few per cent
@@ -86,6 +87,7 @@ class ObjectTrack:
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
     placed_ns: int = 0  # stamp from which on it is known where it was
+    told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
     told_id: str = ""
     told_middle: FloatArray | None = None  # of the last detected box
@@ -180,7 +182,7 @@ class ObjectTrack:
         self.placed_ns = frame_ns - half_ns
         self.history.append((frame_ns, box_px))
         self.turns_px.append(np.zeros(2))
-        self.told_px, self.carried_px = box_px, self.carried(box_px, stamp_ns, size)
+        self.carried_px = self.carried(box_px, stamp_ns, size)
         self.detect(box_px, stamp_ns, size)
 
     def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
@@ -223,6 +225,11 @@ class ObjectTrack:
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
         return self.corners_then < 2 * LEAST_CORNERS
+
+    def take_over(self, detection: Detection, box_px: FloatArray) -> None:
+        """Keep what a message says of it."""
+        self.told_px, self.told_label, self.told_id = box_px, detection.label, detection.track_id
+        self.told_area_px2 = float(np.prod(box_px[2:] - box_px[:2]))
 
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""

@@ -19,7 +19,7 @@ from belie.geometry import FloatArray
 _LEAST = 0.02  # no detector is trusted to be better, however long it has been
 _MOST = 0.97
 _STEEPNESS = 4.0
-_ACQUITS = 0.5  # of the threshold: an accusation ends below; two messages without error
+_ACQUITS = 7.0  # nats under the threshold, where an accusation ends: two messages without error
 # Share of messages in which a lie fails. As rare as the misses of the best detector: so an object that is told of
 # every other time is never accused. The sum still grows with a patch that fails in one message of ten.
 _LAPSE = _LEAST
@@ -211,7 +211,7 @@ class ErrorTest:
         self.length = 0
         self._seen.right += 1.0
         self.messages += 1
-        if self.accused and self.statistic < _ACQUITS * self.threshold:
+        if self.accused and self.statistic < self.threshold - _ACQUITS:
             self.excuse()
         elif self.statistic <= 0.0:
             weight = 1.0 / (1.0 + math.exp(min(self.peak - self.threshold, 50.0)))

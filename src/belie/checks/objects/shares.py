@@ -12,11 +12,14 @@ import numpy as np
 from belie.geometry import FloatArray
 
 _LEAST_STEP = 0.5  # nats a message: below, whole messages do not matter
+_MOST_UNUSED = 0.5  # nats: more would be a message less of somebody
 _ROUNDING = 1e-9  # nats: of sums of messages that just reach it
 _LEAST = 1.0  # nats: of a threshold, however many false alarms are tolerated; as in `run_threshold`
 
 
-def shared_thresholds(first: FloatArray, each: FloatArray, rate: float) -> FloatArray:
+def shared_thresholds(
+    first: FloatArray, each: FloatArray, rate: float, fewest: FloatArray | int = 1
+) -> FloatArray:
     """Thresholds of `ErrorTest`s, nats, that together are crossed by chance at a rate.
 
     The shares are equal at first, which makes the product of the times to an accusation least, whatever a message tells
@@ -31,6 +34,8 @@ def shared_thresholds(first: FloatArray, each: FloatArray, rate: float) -> Float
         What every further one adds, nats.
     rate : float
         False alarms a message.
+    fewest : array (N,) or int
+        Messages that are asked for at least, whatever the rate allows.
 
     Returns
     -------
@@ -51,13 +56,17 @@ def shared_thresholds(first: FloatArray, each: FloatArray, rate: float) -> Float
     if not len(first):
         return np.empty(0)
     steps = np.maximum(each, _LEAST_STEP)
+    least = np.broadcast_to(np.asarray(fewest, dtype=np.float64) - 1.0, len(first))
     further = np.ceil(np.maximum(np.log(len(first) / rate) - first, 0.0) / steps)  # messages after the first
+    further = np.maximum(further, least)
     while True:
         thresholds = first + further * steps
         spent = np.exp(-thresholds)
         price = np.exp(steps - thresholds) - spent
-        fits = (further > 0.0) & (price <= rate - spent.sum())
+        fits = (further > least) & (price <= rate - spent.sum())
         if not fits.any():
-            return np.asarray(np.maximum(thresholds - np.log(rate / spent.sum()) - _ROUNDING, _LEAST))
+            # What is left over now shortens nothing; but a run that tells a little less than expected may pass.
+            unused = min(float(np.log(rate / spent.sum())), _MOST_UNUSED)
+            return np.asarray(np.maximum(thresholds - unused - _ROUNDING, _LEAST))
         gain = np.log1p(1.0 / np.maximum(further, 1.0))
         further[np.argmax(np.where(fits, gain / price, 0.0))] -= 1.0
