@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from object_tools import BACKGROUND, COVER, FRAME_NS, HEIGHT, MODEL, PATCH, SIDE, WIDTH, Scene, place, texture
 
-from belie.checks.objects import Habit
 from belie.detector import Config
 from belie.detector.alerts import AlertBook
+from belie.detector.object_shares import ObjectShares
 from belie.detector.objects import ObjectStage
 from belie.detector.scene_witness import SceneWitness
 from belie.types import Detection, DetectionClaim, Frame
@@ -118,11 +118,25 @@ def test_a_slow_detector_is_accused_too(interval):
     assert [alert[1:] for alert in watch.alerts] == [("obstacle_hiding", "7")]
 
 
+def test_a_small_object_is_kept_until_a_slow_detector_can_be_accused_of_hiding_it():
+    watch, patch, interval = Watch(), texture(1, 28, 28), 10
+    for k in range(20 * interval):
+        image = BACKGROUND[:, :WIDTH].copy()
+        place(image, patch, 200, 150)
+        there = [told(watch.near([200, 150, 228, 178], 0.3))] if k < 10 * interval else []
+        watch.step(
+            k, with_noise(image, k), *([message(k * FRAME_NS, *there)] if k % interval == 0 else []),
+            frame_ns=FRAME_NS,
+        )  # fmt: skip
+    assert [kind for _, kind, _ in watch.alerts] == ["obstacle_hiding"]
+
+
 def test_nobody_asks_how_long_an_object_may_be_missing_that_is_told_of(monkeypatch):
     watch, asked = Watch(), []
     for k in range(6):
         watch.step(k, with_noise(BACKGROUND[:, :WIDTH], k), message(k * FRAME_NS, told([100, 100, 160, 160])))
-    monkeypatch.setattr(Habit, "shortest_run", lambda *_: asked.append(1) or 5)
+    threshold = ObjectShares.threshold
+    monkeypatch.setattr(ObjectShares, "threshold", lambda *args: asked.append(1) or threshold(*args))
     monkeypatch.setattr("belie.detector.objects.answer", lambda *_: [])
     watch.step(6, with_noise(BACKGROUND[:, :WIDTH], 6), message(6 * FRAME_NS, told([100, 100, 160, 160])))
     assert not asked

@@ -25,6 +25,7 @@ from belie.types import Detection, DetectionClaim
 _REMEMBERED = 1000  # objects that are gone
 _FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
+_MOST_MESSAGES = 1000  # for which an object is kept that is not told of
 _STEPS = 9  # messages from which their rate is told
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
@@ -119,9 +120,9 @@ class ObjectStream:
         if untold_ns <= least_ns:
             return False
         # A slow detector needs as long to be accused of it.
-        messages = 1 + self.missed.shortest_run(
-            max(self.interval_s, 1e-3), self.shares.threshold("hiding", track)
-        )
+        first, each = track.hiding.steps(max(self.interval_s, 1e-3), root_area(track.box_px))
+        further = max(self.shares.threshold("hiding", track) - first, 0.0) / each
+        messages = min(2.0 + further, _MOST_MESSAGES)
         longest_ns = max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
         is_suspected = track.hiding.accused or track.was_accused
         is_suspected |= track.hiding.errors > 0 and untold_ns <= longest_ns
