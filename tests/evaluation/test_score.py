@@ -119,6 +119,17 @@ def test_the_late_alert_that_is_the_hit_is_no_aftermath():
     assert (result.hits, result.aftermath) == (1, ())
 
 
+@pytest.mark.parametrize(("onset", "hits"), [(39, 1), (40, 0)])
+def test_the_true_name_that_comes_back_after_a_false_one_is_no_hit(onset, hits):
+    renamed = replace(
+        label(30, 40), stream="detections", sources=("/detections",), alert=AlertType.OBJECT_MISCLASSIFICATION
+    )
+    alert = Alert(type=renamed.alert, source="/detections", onset_ns=onset * FRAME_NS)
+    found = [replace(v, alerts=(alert,)) if v.frame == 44 else v for v in run({})]
+    result = score(found, [renamed])
+    assert (result.hits, len(result.wrong_attributions), len(result.aftermath)) == (hits, 1 - hits, 1 - hits)
+
+
 @pytest.mark.parametrize("accused", [(POSITION, "/odom"), (ODOMETRY, "/imu")])
 def test_wrong_type_or_source_is_listed_apart(accused):
     result = score(run({33: [accused], 34: [(ODOMETRY, "/odom")]}), [label(30, 40)])

@@ -303,7 +303,9 @@ def _is_aftermath(one: RaisedAlert, labels: Iterable[AttackLabel], *, is_false: 
 
 def _explains(label: AttackLabel, alert: Alert) -> bool:
     is_right_type = alert.type in (label.alert, *ALSO_RIGHT.get(label.name, ()))
-    return is_right_type and alert.source in label.sources and _may_mean(label, alert)
+    # Of an object, what began when the attack was over is its aftermath: the true name that comes back is no lie.
+    is_about_it = label.stream != "detections" or alert.onset_ns < label.end_ns
+    return is_right_type and is_about_it and alert.source in label.sources and _may_mean(label, alert)
 
 
 def _may_mean(label: AttackLabel, alert: Alert) -> bool:
