@@ -180,6 +180,16 @@ def test_small_objects_are_told_from_a_detector_whose_misses_last():
     assert found[0]["persistence_s"] < 0.04 < 0.15 < found[1]["persistence_s"]
 
 
+def test_one_persistence_fits_recordings_of_several_rates():
+    rng, share, tau_s = np.random.default_rng(6), 0.05, 0.2
+    each = []
+    for interval_s in (0.1, 1.0 / 30.0):
+        lasts = share + (1.0 - share) * np.exp(-interval_s / tau_s)
+        steps = tuple((200.0, bool(rng.random() < lasts)) for _ in range(400))
+        each.append(replace(shows(4000.0, share), interval_s=interval_s, steps=steps))
+    assert fitted(each, ObjectSettings())["persistence_s"] == pytest.approx(tau_s, rel=0.15)
+
+
 def test_objects_that_err_alike_are_given_no_habits_of_their_own():
     rng = np.random.default_rng(5)
 
@@ -187,7 +197,7 @@ def test_objects_that_err_alike_are_given_no_habits_of_their_own():
         counts = []
         for share in shares:
             begun = rng.binomial(200, share)
-            counts.append((Counts(right=200.0 - begun, begun=float(begun)), Counts(right=200.0)))
+            counts.append(Counts(right=200.0 - begun, begun=float(begun)))
         return replace(shows(4000.0, 0.05), objects=tuple(counts))
 
     alike = fitted([of(np.full(80, 0.05))], ObjectSettings())

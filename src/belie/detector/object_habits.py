@@ -17,8 +17,8 @@ class ObjectHabits:
         Between its messages.
     missed, misnamed : Counts
         Of all objects that it should see.
-    objects : tuple of (Counts, Counts)
-        Missed and misnamed, of each object.
+    objects : tuple of Counts
+        Missed, of each object.
     steps : tuple of (float, bool)
         Messages after a miss: root of the object's area, px, and whether the miss went on.
     """
@@ -26,7 +26,7 @@ class ObjectHabits:
     interval_s: float
     missed: Counts
     misnamed: Counts
-    objects: tuple[tuple[Counts, Counts], ...] = ()
+    objects: tuple[Counts, ...] = ()
     steps: tuple[tuple[float, bool], ...] = ()
 
     @property

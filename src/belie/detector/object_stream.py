@@ -61,7 +61,7 @@ class ObjectStream:
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
     _made: int = 0
-    _gone: deque[tuple[Counts, Counts]] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+    _gone: deque[Counts] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
@@ -94,7 +94,7 @@ class ObjectStream:
             track.follow(previous, current, stamp_ns, self.tracking, turn_px)
         lost = [self._is_lost(track, stamp_ns, current.size) for track in self.tracks]
         for track in compress(self.tracks, lost):
-            self._gone.append((track.hiding.own, track.naming.own))
+            self._gone.append(track.hiding.own)
         self.tracks = [track for track, is_lost in zip(self.tracks, lost, strict=True) if not is_lost]
         self.shares.weigh(self.tracks)
 
@@ -218,7 +218,7 @@ class ObjectStream:
 
     def habits(self) -> ObjectHabits:
         """How often this detector was seen to err, and for how long."""
-        now = [(track.hiding.own, track.naming.own) for track in self.tracks]
+        now = [track.hiding.own for track in self.tracks]
         return ObjectHabits(
             interval_s=max(self.interval_s, 1e-3), missed=self.missed.stream, misnamed=self.misnamed.stream,
             objects=(*self._gone, *now), steps=tuple(self.missed.steps),

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.special import betaln
 
-from belie.checks.objects import ObjectSettings, lasts_of_small, persistence_of
+from belie.checks.objects import Counts, ObjectSettings, lasts_of_small, persistence_of
 from belie.detector.object_habits import ObjectHabits
+from belie.evaluation.intervals import wilson_interval
 from belie.geometry import FloatArray
 
 _TRUSTED = (
@@ -22,9 +23,10 @@ _TRUSTED = (
 )
 _MOST_MESSAGES, _MOST_GAPS = 2000.0, 200.0  # a minute of ten objects at 10 Hz outweighs them: weather changes
 _HALF_SIGMA = 0.35  # of the logarithm of `half_seen_px`, before anything is seen: detectors differ by as much
-_LASTS = np.geomspace(0.02, 0.95, 48)
+_PERSISTENCES_S = np.geomspace(0.005, 20.0, 60)
 _HALVES_PX = np.geomspace(4.0, 64.0, 48)
 _WEIGHTS = np.geomspace(5.0, 640.0, 29)
+_MOST_SHARE = 0.97  # of messages in error: beyond, nothing is told by one
 _CHANCE = 1.92  # nats: a log-likelihood that falls short by less does so by chance (chi-squared, 95 %)
 
 
@@ -45,61 +47,64 @@ def fitted(each: Sequence[ObjectHabits], prior: ObjectSettings) -> dict[str, flo
 
     Examples
     --------
-    >>> from belie.checks.objects import Counts
     >>> seen = ObjectHabits(interval_s=0.1, missed=Counts(right=950.0, begun=50.0), misnamed=Counts(right=1000.0))
     >>> {name: round(value, 3) for name, value in fitted([seen], ObjectSettings()).items()}["miss_rate"]
     0.049
     """
-    n = prior.prior_messages
-    shares = [
-        (sum(c.wrong for c in counts) + n * expected) / (sum(c.right + c.wrong for c in counts) + n)
-        for counts, expected in (
-            ([h.missed for h in each], prior.miss_rate),
-            ([h.misnamed for h in each], prior.confusion_rate),
-        )
-    ]
+    missed, misnamed = [habits.missed for habits in each], [habits.misnamed for habits in each]
+    miss_rate = _share(missed, prior.miss_rate, prior)
+    confusion_rate = _share(misnamed, prior.confusion_rate, prior)
+    persistence_s, half_px = _how_long(each, miss_rate, prior)
     interval_s = float(np.median([habits.interval_s for habits in each]))
-    lasts, half_px = _how_long(each, shares[0], interval_s, prior)
-    misnamed = [habits.misnamed for habits in each]
-    gaps = sum(c.wrong for c in misnamed)
-    expected = _expected_to_last(prior.confusion_rate, interval_s, prior)
-    names_last = sum(c.lasted for c in misnamed) + prior.prior_gaps * expected
-    names_last /= gaps + prior.prior_gaps
+    expected = float(_lasts(prior.persistence_s, prior.confusion_rate, interval_s))
+    wrong = sum(c.wrong for c in misnamed)
+    names_last = (sum(c.lasted for c in misnamed) + prior.prior_gaps * expected) / (wrong + prior.prior_gaps)
+    # Of what was hardly seen, the most that is likely: else two misnamings in a row accuse who was right all day.
+    interval = wilson_interval(round(wrong), round(sum(c.right + c.wrong for c in misnamed)))
+    likely = min(interval[1] if interval else 1.0, prior.confusion_rate)
+    gaps = sum(c.wrong for c in missed)
     own = [counts for habits in each for counts in habits.objects]
-    begun = [(c.begun, c.begun + c.right) for pair in own for c in pair[:1]]
-    lasted = [(c.lasted, c.wrong) for pair in own for c in pair[:1]]
-    missed = sum(habits.missed.wrong for habits in each)
     return {
-        "miss_rate": shares[0],
-        "confusion_rate": shares[1],
-        "persistence_s": max(
-            persistence_of(lasts, shares[0], interval_s), persistence_of(names_last, shares[1], interval_s)
-        ),
+        "miss_rate": min(miss_rate, _MOST_SHARE),
+        "confusion_rate": min(max(confusion_rate, likely), _MOST_SHARE),
+        "persistence_s": max(persistence_s, persistence_of(names_last, confusion_rate, interval_s)),
         "half_seen_px": half_px,
-        "prior_messages": min(max(_TRUSTED * messages_of(each), n), max(_MOST_MESSAGES, n)),
-        "prior_gaps": min(max(_TRUSTED * missed, prior.prior_gaps), max(_MOST_GAPS, prior.prior_gaps)),
-        "object_messages": _alike(begun, prior.object_messages),
-        "object_gaps": _alike(lasted, prior.object_gaps),
+        "prior_messages": _trusted(messages_of(each), prior.prior_messages, _MOST_MESSAGES),
+        "prior_gaps": _trusted(gaps, prior.prior_gaps, _MOST_GAPS),
+        "object_messages": _alike([(c.begun, c.begun + c.right) for c in own], prior.object_messages),
+        "object_gaps": _alike([(c.lasted, c.wrong) for c in own], prior.object_gaps),
     }
 
 
-def _expected_to_last(share: float, interval_s: float, prior: ObjectSettings) -> float:
-    return share + (1.0 - share) * float(np.exp(-interval_s / prior.persistence_s))
+def _share(counts: Sequence[Counts], expected: float, prior: ObjectSettings) -> float:
+    """Share of messages in error, by what was seen and expected."""
+    wrong, n = sum(c.wrong for c in counts), prior.prior_messages
+    return (wrong + n * expected) / (wrong + sum(c.right for c in counts) + n)
 
 
-def _how_long(
-    each: Sequence[ObjectHabits], share: float, interval_s: float, prior: ObjectSettings
-) -> tuple[float, float]:
-    """Share of misses of large objects that go on, and the size at which every second one does."""
-    q, half_px = np.meshgrid(_LASTS, _HALVES_PX, indexing="ij")
-    expected, n = _expected_to_last(share, interval_s, prior), prior.prior_gaps
-    likely: FloatArray = n * expected * np.log(q) + n * (1.0 - expected) * np.log(1.0 - q)
+def _trusted(seen: float, prior: float, most: float) -> float:
+    return min(max(_TRUSTED * seen, prior), max(most, prior))
+
+
+def _lasts(persistence_s: FloatArray | float, share: float, interval_s: float) -> FloatArray:
+    """Share of errors of large objects that go on into the next message."""
+    return np.asarray(share + (1.0 - share) * np.exp(-interval_s / persistence_s))
+
+
+def _how_long(each: Sequence[ObjectHabits], share: float, prior: ObjectSettings) -> tuple[float, float]:
+    """For how long misses last, s, and the size at which every second one does because of it, px."""
+    tau_s, half_px = np.meshgrid(_PERSISTENCES_S, _HALVES_PX, indexing="ij")
+    interval_s = float(np.median([habits.interval_s for habits in each]))
+    q, expected = _lasts(tau_s, share, interval_s), float(_lasts(prior.persistence_s, share, interval_s))
+    likely: FloatArray = prior.prior_gaps * (expected * np.log(q) + (1.0 - expected) * np.log(1.0 - q))
     likely -= 0.5 * (np.log(half_px / prior.half_seen_px) / _HALF_SIGMA) ** 2
-    for side_px, went_on in (step for habits in each for step in habits.steps):
-        ends = (1.0 - q) * (1.0 - lasts_of_small(np.asarray(side_px), half_px))
-        likely += np.log(1.0 - ends) if went_on else np.log(ends)
+    for habits in each:
+        q = _lasts(tau_s, share, habits.interval_s)
+        for side_px, went_on in habits.steps:
+            ends = (1.0 - q) * (1.0 - lasts_of_small(np.asarray(side_px), half_px))
+            likely += np.log(1.0 - ends) if went_on else np.log(ends)
     best = int(np.argmax(likely))
-    return float(q.ravel()[best]), float(half_px.ravel()[best])
+    return float(tau_s.ravel()[best]), float(half_px.ravel()[best])
 
 
 def _alike(counts: Iterable[tuple[float, float]], prior: float) -> float:

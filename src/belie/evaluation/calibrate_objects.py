@@ -84,7 +84,7 @@ def learn_habits(
         for source, habits in detector.object_habits().items():
             heard.setdefault(source, []).append(habits)
     found: dict[str, float] = {}
-    words, unlearned, messages = [], [], 0.0
+    words, unlearned, messages, misses = [], [], 0.0, 0.0
     for source, each in heard.items():
         count = messages_of(each)
         if count < _LEAST_MESSAGES:
@@ -94,6 +94,7 @@ def learn_habits(
             )
             continue
         messages += count
+        misses += sum(habits.missed.wrong for habits in each)
         worse = _worse(each)
         words.append(f"{source}: {_in_words(each)}" + f", in {len(each)} recordings" * (len(each) > 1))
         words += [f"{source}: one of them alone {_in_words([one])}: the larger is set" for one in worse]
@@ -107,7 +108,8 @@ def learn_habits(
                 found[name] = pick(found.get(name, value), value)
     words += unlearned
     changes: dict[SettingPath, object] = {("objects", name): float(f"{v:.3g}") for name, v in found.items()}
-    notes = {f"objects.{name}": f"calibrated: {messages:.0f} messages about objects" for name in found}
+    seen = f"calibrated: {messages:.0f} messages about objects, {misses:.0f} of them missed"
+    notes = {f"objects.{name}": seen for name in found}
     return LearntHabits(config=changed(config, changes), notes=notes, words=tuple(words))
 
 

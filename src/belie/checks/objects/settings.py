@@ -43,16 +43,26 @@ class ObjectSettings(Settings):
         "has shown its own gaps [s]",
     )  # fmt: skip
     prior_messages: float = Field(
-        40.0, gt=0.0, description="messages about objects that the rates above weigh as much as [count]"
+        40.0,
+        gt=0.0,
+        description="messages about objects after which what a stream shows counts as much as the rates above [count]",
     )
     prior_gaps: float = Field(
-        10.0, gt=0.0, description="gaps that the expected persistence weighs as much as [count]"
+        10.0,
+        gt=0.0,
+        description="misses after which what a stream shows counts as much as the persistence above [count]",
     )
     object_messages: float = Field(
-        20.0, gt=0.0, description="messages about an object that its stream's rates weigh as much as [count]"
+        20.0,
+        gt=0.0,
+        description="messages about one object after which its own share of errors counts as much as its stream's [count]; "
+        "larger: what one object shows counts for less",
     )
     object_gaps: float = Field(
-        5.0, gt=0.0, description="gaps of an object that its stream's persistence weighs as much as [count]"
+        5.0,
+        gt=0.0,
+        description="misses of one object after which their own lasting counts as much as its stream's [count]; larger: "
+        "what one object shows counts for less",
     )
     half_seen_px: float = Field(
         20.0, gt=0.0,
