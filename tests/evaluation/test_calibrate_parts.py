@@ -185,7 +185,7 @@ def test_one_persistence_fits_recordings_of_several_rates():
     each = []
     for interval_s in (0.1, 1.0 / 30.0):
         lasts = share + (1.0 - share) * np.exp(-interval_s / tau_s)
-        steps = tuple((200.0, bool(rng.random() < lasts)) for _ in range(400))
+        steps = tuple((200.0, bool(rng.random() < lasts)) for _ in range(3000))
         each.append(replace(shows(4000.0, share), interval_s=interval_s, steps=steps))
     assert fitted(each, ObjectSettings())["persistence_s"] == pytest.approx(tau_s, rel=0.15)
 

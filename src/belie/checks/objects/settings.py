@@ -53,17 +53,15 @@ class ObjectSettings(Settings):
         description="misses after which what a stream shows counts as much as the persistence above [count]",
     )
     object_messages: float = Field(
-        20.0,
-        gt=0.0,
-        description="messages about one object after which its own share of errors counts as much as its stream's [count]; "
-        "larger: what one object shows counts for less",
-    )
+        20.0, gt=0.0,
+        description="messages about one object after which its own share of errors counts as much as its stream's "
+        "[count]; larger: what one object shows counts for less",
+    )  # fmt: skip
     object_gaps: float = Field(
-        5.0,
-        gt=0.0,
-        description="misses of one object after which their own lasting counts as much as its stream's [count]; larger: "
-        "what one object shows counts for less",
-    )
+        5.0, gt=0.0,
+        description="misses of one object after which how they lasted counts as much as in its stream [count]; "
+        "larger: what one object shows counts for less",
+    )  # fmt: skip
     half_seen_px: float = Field(
         20.0, gt=0.0,
         description="root of an object's area at which every second miss goes on into the next message [px]: what is "
