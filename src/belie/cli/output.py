@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from belie.attacks import AttackLabel
     from belie.recordings import BodyAxes, GeodeticPoint
     from belie.types import MountedCamera, Step
@@ -84,17 +87,19 @@ def write_recording(
         partial.unlink(missing_ok=True)
 
 
-def write_labels(path: Path, labels: Sequence[AttackLabel], start_ns: int) -> None:
-    """Write the labels of attacks, and tell what they say; `start_ns` is the stamp of the first frame."""
+def write_labels(path: Path, labels: Sequence[AttackLabel], stamps_ns: npt.NDArray[np.int64]) -> None:
+    """Write the labels of attacks, and tell what they say; `stamps_ns` are those of the frames."""
+    from belie.attacks import FrameClock
     from belie.attacks import write_labels as write
 
     write(path, labels)
+    clock = FrameClock(stamps_ns)
     for label in labels:
-        onset_s = (label.onset_ns - start_ns) * 1e-9
+        onset_s = (label.onset_ns - int(stamps_ns[0])) * 1e-9
         sources = ", ".join(label.sources)
         named = [name for name in (label.object, label.other) if name is not None]
         about = f", object{'s' * (len(named) > 1)} {' and '.join(named)}" if named else ""
         print(
-            f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {label.start_frame} to {label.stop_frame}; "
-            f"labelled {label.alert.value}{about}"
+            f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {clock.nearest(label.onset_ns)} to "
+            f"{label.stop_frame}; labelled {label.alert.value}{about}"
         )

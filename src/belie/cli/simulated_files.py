@@ -113,7 +113,7 @@ class SimulatedFiles:
         from belie.attacks import attack
 
         attacked = attack(drive.replayed(), list(specs))
-        write_labels(self.labels, attacked.labels, int(attacked.frame_stamps_ns()[0]))
+        write_labels(self.labels, attacked.labels, attacked.frame_stamps_ns())
 
     def write_outcome(self, specs: Sequence[str], outcomes: Sequence[Outcome]) -> None:
         """How a closed loop ended, as JSON."""
