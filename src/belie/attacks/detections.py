@@ -113,7 +113,7 @@ class DetectionAttack:
                 return (
                     f"{self._plan.spec.to_text()}: object {name} is first told of in frame {first}: start at "
                     f"{first + _FRAMES_TO_KNOW} or later, what is hidden or renamed from its first frame on cannot be "
-                    "seen"
+                    "seen while that lasts"
                 )
         return ""
 
