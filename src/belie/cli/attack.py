@@ -147,7 +147,7 @@ def attack(
     )
     choices = choose_objects(recording, specs, least_px=ObjectSettings().least_side_px)
     attacked = attacked_by(recording, [choice.spec for choice in choices])
-    labels = attacked.labels
+    labels = attacked.labels  # where there is nothing to attack, before anything is written
     write_recording(
         output,
         _fit_for_messages(attacked.steps()),
@@ -160,10 +160,8 @@ def attack(
     )
     tell_damage(recording)
     tell_detections(recording)
-    write_labels(sidecar, labels, attacked.frame_stamps_ns())
+    write_labels(sidecar, attacked)
     _tell_choices(choices, labels)
-    for caution in attacked.cautions:
-        print(f"belie: warning: {caution}", file=sys.stderr)
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
-    from belie.attacks import AttackLabel
+    from belie.attacks import AttackedRecording
     from belie.recordings import BodyAxes, GeodeticPoint
     from belie.types import MountedCamera, Step
 
@@ -87,11 +85,12 @@ def write_recording(
         partial.unlink(missing_ok=True)
 
 
-def write_labels(path: Path, labels: Sequence[AttackLabel], stamps_ns: npt.NDArray[np.int64]) -> None:
-    """Write the labels of attacks, and tell what they say; `stamps_ns` are those of the frames."""
+def write_labels(path: Path, attacked: AttackedRecording) -> None:
+    """Write the labels of an attacked recording, tell what they say, and warn of attacks that may pass unseen."""
     from belie.attacks import FrameClock
     from belie.attacks import write_labels as write
 
+    labels, stamps_ns = attacked.labels, attacked.frame_stamps_ns()
     write(path, labels)
     clock = FrameClock(stamps_ns)
     for label in labels:
@@ -103,3 +102,5 @@ def write_labels(path: Path, labels: Sequence[AttackLabel], stamps_ns: npt.NDArr
             f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {clock.nearest(label.onset_ns)} to "
             f"{label.stop_frame}; labelled {label.alert.value}{about}"
         )
+    for caution in attacked.cautions:
+        print(f"belie: warning: {caution}", file=sys.stderr)
