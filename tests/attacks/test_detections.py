@@ -134,11 +134,23 @@ def test_an_object_that_is_named_may_come_later():
     [
         (
             "detections-hide:start=20,stop=24,object=9",
-            r"no object 9 .* frames 20 to 24; /boxes has 7 \(car\), 3 \(van\)",
+            r"no object 9 .* 20 to 24 \(it is told of in frames 25 to 59\); there /boxes has 7 \(car\), 3 \(van\)$",
         ),
         ("detections-relabel:start=20,object=x", "no object x to attack"),
         ("detections-hide:start=20,source=/radar", r"no detections claims of /radar"),
-        ("detections-swap:start=20,other=x", "no object to attack"),
+        (
+            "detections-swap:start=20,other=x",
+            "no object x to swap 7 with in frames 20 to 60; there /boxes has 9",
+        ),
+        (
+            "detections-swap:start=20,stop=24,object=3,other=9",
+            r"no object 9 to swap 3 with .* 25 to 59\); there",
+        ),
+        ("detections-swap:start=20,object=7,other=7", "needs two objects: object and other are both 7"),
+        (
+            "detections-relabel:start=20,object=7,to=car",
+            "object 7 is called car already in frames 20 to 60; give",
+        ),
         ("detections-phantom:start=20,distance=-1", "> 0"),
         ("detections-phantom:start=20,right=99", "out of the camera's view"),
         ("detections-phantom:start=20,x=700,y=0,w=9,h=9", "outside the image of 640x480"),
@@ -149,6 +161,40 @@ def test_an_object_that_is_not_there_is_an_error_in_one_line(text, says):
         with pytest.raises(AttackError, match=says) as caught:
             ask()
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["hide", "phantom", "swap", "delay"])
+def test_where_no_messages_are_it_is_said_where_some_are(kind):
+    class Ends(Road):
+        """A detector that falls silent."""
+
+        def steps(self):
+            for k, step in enumerate(super().steps()):
+                yield step if k < 30 else replace(step, claims=())
+
+    text = f"detections-{kind}:start=40,stop=50"
+    says = "no detections in frames 40 to 50: /boxes has messages in frames 0 to 29 alone; set start to 29 or less"
+    for ask in (lambda: attack(Ends(), text).labels, lambda: list(attack(Ends(), text).steps())):
+        with pytest.raises(AttackError, match=says):
+            ask()
+
+
+def test_the_ten_largest_objects_are_named():
+    def crowd(k):
+        box_px = np.array([0.0, 0.0, 10.0, 10.0])
+        return tuple(
+            Detection(label="car", score=0.9, track_id=str(n), box_px=box_px * (n + 1)) for n in range(12)
+        )
+
+    with pytest.raises(AttackError, match=r"/boxes has 11 \(car\), .*, 2 \(car\), 2 smaller ones$"):
+        run("detections-hide:start=20,object=x", Road(boxes=crowd))
+
+
+def test_an_object_that_comes_in_the_attack_is_told_of():
+    (caution,) = attack(Road(), "detections-relabel:start=20,object=9").cautions
+    assert "object 9 is first told of in frame 25: start at 35 or later" in caution
+    for text in ("relabel:start=26,object=9", "phantom:start=0", "delay:start=5"):
+        assert attack(Road(), f"detections-{text}").cautions == ()
 
 
 def test_relabelling_changes_the_label_alone():

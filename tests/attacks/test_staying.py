@@ -1,5 +1,7 @@
 """Attacks that name no object are about one that stays in view."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -116,3 +118,24 @@ def test_a_swap_takes_two_that_stay_and_attacks_that_follow_what_is_left():
 def test_a_wrong_start_is_an_error():
     with pytest.raises(AttackError, match="the recording has 80 frames"):
         choose_objects(Road(), ["detections-hide:start=90"])
+
+
+def test_an_object_that_leaves_is_not_said_to_stay():
+    road = Road(passing=(20, 45, 200), leaving=(0, 52, 90))
+    (left,) = choose_objects(road, ["detections-hide:start=40,stop=60"])
+    assert (left.stays, left.objects[0].last_frame) == (False, 52)
+    (ahead,) = choose_objects(Road(**PASSING), ["detections-hide:start=40,stop=60"])
+    assert (ahead.stays, ahead.objects[0].last_frame) == (True, 64)
+
+
+def test_what_is_told_of_only_before_the_attack_is_not_chosen():
+    class Ends(Road):
+        """A detector that falls silent at frame 40."""
+
+        def steps(self):
+            for k, step in enumerate(super().steps()):
+                yield step if k < 40 else replace(step, claims=())
+
+    (choice,) = choose_objects(Ends(**PASSING), ["detections-hide:start=40"])
+    assert choice.lacks
+    assert choice.objects == ()

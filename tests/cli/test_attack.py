@@ -99,7 +99,18 @@ def test_objects_of_a_file_are_attacked(run, drive, tmp_path):
         tmp_path / "x.mcap",
     )
     assert (wrong.exit_code, wrong.stderr.count("\n")) == (2, 1)
-    assert "no object 5 to attack in frames 60 to 90; /detections has 4 (Car)" in wrong.stderr
+    assert "no object 5 to attack in frames 60 to 90; there /detections has 4 (Car)" in wrong.stderr
+
+
+def test_an_object_that_comes_in_the_attack_is_told_of_by_its_own_frames(run, drive, tmp_path):
+    boxes = tmp_path / "boxes.csv"
+    rows = [f"{k},4,car,40,60,140,120" for k in range(50, 90)]
+    boxes.write_text("\n".join(["frame,track_id,label,left,top,right,bottom", *rows, "20,,,,,,"]))
+    spec = "detections-relabel:object=4,start=30,stop=70"
+    result = run("attack", drive, spec, "--detections", boxes, "-o", tmp_path / "out.mcap")
+    assert result.exit_code == 0, result.output
+    assert "lies from 5.00 s, frame 50 to 70" in result.stdout
+    assert "object 4 is first told of in frame 50: start at 60 or later" in result.stderr
 
 
 def test_it_is_said_that_no_object_stays(run, drive, tmp_path):

@@ -200,7 +200,7 @@ def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
     )
     out = " ".join(run(command, drive, "--detections", boxes(label="wombat")).stderr.split())
     assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out
-    assert "objects.classes.groups" in out
+    assert "if that is no attack, put them into objects.classes.groups" in out
     assert "warning" not in run(command, drive, "--detections", boxes()).stderr
     is_told = "'stop sign' (5)" in run(command, drive, "--detections", boxes(seldom="stop sign")).stderr
     assert is_told == (command == "info")

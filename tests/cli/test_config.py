@@ -52,10 +52,29 @@ def test_own_settings_are_completed_and_their_defaults_told(run, tmp_path):
     assert lines[at - 1] == f"# default: {Config().sequential.release_s}"
 
 
-def test_a_misspelt_key_is_one_line(run, tmp_path):
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "[sequential]\nrelese_s = 2.5\n",
+            "sequential.relese_s: no such setting; did you mean sequential.release_s?",
+        ),
+        (
+            "release_s = 2.5\n",
+            "release_s: no such setting; did you mean sequential.release_s or camera.release_s?",
+        ),
+        ("[sequentiel]\n", "sequentiel: no such setting; did you mean sequential?"),
+        ("[objects.classes]\ngruops = 1\n", "did you mean objects.classes.groups?"),
+        (
+            "[sequential]\nxyz = 2.5\n",
+            "sequential.xyz: no such setting; known here are false_alarms_per_hour,",
+        ),
+    ],
+)
+def test_a_misspelt_key_is_one_line(run, tmp_path, text, says):
     path = tmp_path / "belie.toml"
-    path.write_text("[sequential]\nrelese_s = 2.5\n")
+    path.write_text(text)
     result = run("config", "--config", path)
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
-    assert "sequential.relese_s" in result.stderr
+    assert says in result.stderr

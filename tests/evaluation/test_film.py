@@ -227,6 +227,22 @@ def test_the_last_picture_is_one_in_which_the_object_can_be_seen():
     assert shot.in_view >= 0.5
 
 
+def test_a_slow_detector_is_shown_in_the_frames_that_it_tells_of():
+    def every_third(k):
+        if k % 3:
+            return (view(k, status="not told"),)
+        return (view(k, told=None if 20 <= k < 30 else k),)
+
+    (film,) = filmed(60, every_third, onset=21, raised=27)
+    assert [(role, shot.number) for role, shot in film.strip()] == [
+        ("before", 15), ("before", 18), ("lie begins", 21), ("during", 24), ("alert", 27), ("after", 39),
+    ]  # fmt: skip
+    _, (film,) = attacked(60, every_third)
+    assert [(role, shot.number) for role, shot in film.strip()] == [
+        ("before", 15), ("before", 18), ("attack begins", 21), ("attacked", 24), ("attacked", 27), ("attack over", 33),
+    ]  # fmt: skip
+
+
 def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None, other=None):
     """Films of object 7, which a label says is attacked in frames 20 to 30."""
     label = AttackLabel(

@@ -64,7 +64,7 @@ def test_where_an_object_could_not_be_judged_is_told():
     )
 
 
-def test_labels_are_those_under_which_objects_came():
+def test_what_came_as_something_known_is_no_label_without_a_group():
     recorder = ToldObjectsRecorder()
     for stamp_ns, label in enumerate(("car", "bird", "bird")):  # an attack, not a class that was forgotten
         boxes = [("7", label), ("8", "Wombat"), ("", "traffic light")]
@@ -75,9 +75,19 @@ def test_labels_are_those_under_which_objects_came():
         at = {"stamp_ns": stamp_ns, "received_ns": stamp_ns}
         recorder.hear([DetectionClaim(source="/d", detections=detections, **at)])
     (found,) = recorder.finish()
-    assert (found.messages, found.boxes, found.labels["car"]) == (3, 9, 3)
+    assert (found.messages, found.boxes, found.labels["car"], found.labels["bird"]) == (3, 9, 1, 2)
     assert found.ungrouped(ClassGroups()) == {"Wombat": 3}
     assert found.unjudged is None
+
+
+def test_boxes_are_counted_under_the_labels_that_messages_give():
+    recorder = ToldObjectsRecorder()
+    for stamp_ns, label in enumerate(("bird", "bird", "car", "car", "car")):
+        car = Detection(label=label, score=1.0, track_id="7", box_px=[0, 0, 9, 9])
+        at = {"stamp_ns": stamp_ns, "received_ns": stamp_ns}
+        recorder.hear([DetectionClaim(source="/d", detections=(car,), **at)])
+    (found,) = recorder.finish()
+    assert found.ungrouped(ClassGroups()) == {"bird": 2}
 
 
 def test_an_object_under_running_ids_is_one():

@@ -239,6 +239,38 @@ def test_malformed_files_are_named_in_one_line(tmp_path, folder, text, says):
     assert "boxes.txt" in str(caught.value)
 
 
+@pytest.mark.parametrize("content", [CSV.encode("utf-16"), b"\x89PNG\r\n\x1a\n", CSV.encode() + b"4,\xfc\n"])
+def test_what_is_no_text_is_told_the_formats(tmp_path, folder, content):
+    path = tmp_path / "boxes.csv"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"if it is text, save it as UTF-8; belie reads KITTI") as caught:
+        open_recording(folder, detections=str(path))
+    assert "codec" not in str(caught.value)
+
+
+def test_edges_as_shares_of_the_image_are_told(tmp_path, folder):
+    header, rows = "frame,label,left,top,right,bottom\n", "0,car,0.1,0.2,0.5,0.9\n1,car,0.1,0.2,1,1\n"
+    (warning,) = open_recording(folder, detections=str(write(tmp_path, header + rows))).warnings
+    assert "its 2 boxes all lie within 2 px" in warning
+    assert "multiply left and right by 64, top and bottom by 48" in warning
+    rows += "2,car,1,2,30,40\n"
+    assert open_recording(folder, detections=str(write(tmp_path, header + rows))).warnings == ()
+
+
+def test_times_in_another_unit_are_told(tmp_path, folder):
+    header, rows = "stamp_ns,label,left,top,right,bottom\n", "0,car,1,2,30,40\n100,car,1,2,31,40\n"
+    (warning,) = open_recording(folder, detections=str(write(tmp_path, header + rows))).warnings
+    assert "its 2 times all lie within 0.000000 s" in warning
+    assert "if they are milliseconds, write them as nanoseconds" in warning
+    rows = rows.replace("100,", "100000000,")
+    assert open_recording(folder, detections=str(write(tmp_path, header + rows))).warnings == ()
+
+
+def test_a_folder_is_told_as_one(tmp_path, folder):
+    with pytest.raises(RecordingError, match="a folder, where one file for all frames is needed, and"):
+        open_recording(folder, detections=str(tmp_path))
+
+
 def test_a_missing_file_says_so(folder):
     with pytest.raises(RecordingError, match=r"--detections none\.txt: no such file, .* format kitti"):
         open_recording(folder, detections="none.txt")

@@ -142,8 +142,15 @@ class AttackedRecording:
         """
         earlier = self._source.labels if isinstance(self._source, AttackedRecording) else ()
         last_ns = int(self.frame_stamps_ns()[-1])
-        return (*earlier, *(_label(found, last_ns) for found in self._found()))
+        return (*earlier, *(_label(found, last_ns) for found in self._found))
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Why attacks on objects may pass unseen that need not, a line each; reads and raises as `labels`."""
+        said = (found.detections.caution() for found in self._found if found.detections)
+        return tuple(filter(None, said))
+
+    @cached_property
     def _found(self) -> list[_Found]:
         """For every attack, the stamp of the first message that lies, by source."""
         every = [_Found(plan, self.cameras) for plan in self._plans]

@@ -14,8 +14,12 @@ from belie.attacks.phantom import Form, Phantom, new_track_id
 from belie.attacks.plan import Plan
 from belie.attacks.stale import StaleForger
 from belie.attacks.stream import Upstream, nothing_to_attack, reading
+from belie.attacks.telling import Telling
 from belie.geometry import CameraModel
 from belie.types import AttackError, Claim, Detection, DetectionClaim, Step
+
+# How long an object must have been told of before its absence or another name means anything, generously.
+_FRAMES_TO_KNOW = 10
 
 
 def detection_steps(plan: Plan, upstream: Upstream) -> Iterator[Step]:
@@ -69,6 +73,7 @@ class DetectionAttack:
         self._plan = plan
         self._model: CameraModel | None = plan.camera.model if plan.camera is not None else None
         self._streams: dict[str, _Stream] = {}
+        self._telling = Telling(plan)
         self._named = None if plan.spec.kind == "phantom" else plan.spec["object"]
         self._lead: Follower | None = None
         self._second: Follower | None = None
@@ -79,6 +84,7 @@ class DetectionAttack:
         if not isinstance(claim, DetectionClaim) or not self._plan.selects(claim):
             return claim
         stream = self._streams.setdefault(claim.source, _Stream(self._plan, self._model))
+        self._telling.hear(claim)
         lie = claim
         if self._plan.span.holds(claim.stamp_ns):
             lie = self._lie(claim, stream)
@@ -93,13 +99,48 @@ class DetectionAttack:
         return lie
 
     def nothing_to_forge(self, present: tuple[str, ...] = ()) -> AttackError:
-        """The error for an attack whose object never came; names the objects that did, or else the streams."""
+        """The error for an attack that changed nothing: why, and what there is instead."""
         if not self._streams:
             return nothing_to_attack(self._plan, present)
-        return AttackError(
-            f"{self._plan.spec.to_text()}: {'no object' if self._named is None else f'no object {self._named}'} to "
-            f"attack in frames {self._plan.span.start_frame} to {self._plan.span.stop_frame}; {self._present()}"
-        )
+        return AttackError(f"{self._plan.spec.to_text()}: {self._why_nothing()}")
+
+    def caution(self) -> str:
+        """That an object is first told of in the attack, and what to do; empty where all are told of before."""
+        names = () if self._phantom is not None else (self.object, self.other)
+        for name in filter(None, names):
+            first = self._telling.first_frame(name)
+            if first >= self._plan.span.start_frame:
+                return (
+                    f"{self._plan.spec.to_text()}: object {name} is first told of in frame {first}: start at "
+                    f"{first + _FRAMES_TO_KNOW} or later, what is hidden or renamed from its first frame on cannot be "
+                    "seen while that lasts"
+                )
+        return ""
+
+    def _why_nothing(self) -> str:
+        """Why nothing was changed, where there are detections."""
+        spec, span = self._plan.spec, self._plan.span
+        frames = f"in frames {span.start_frame} to {span.stop_frame}"
+        if silence := self._telling.silence():
+            return f"no detections {frames}: {silence}"
+        present = self._telling.present()
+        if self._lead is None:
+            if self._named is None:
+                return f"no object to attack {frames}; {present}"
+            return self._missing(str(self._named), "to attack", frames)
+        name = f"object {self._lead.name}".rstrip()
+        if spec.kind == "swap":
+            if spec["other"] is None:
+                return f"no second object to swap {self._lead.name} with {frames}; {present}"
+            return self._missing(str(spec["other"]), f"to swap {self._lead.name} with", frames)
+        if spec.kind == "relabel" or (spec.kind == "patch" and spec["mode"] == "relabel"):
+            return f"{name} is called {spec['to']} already {frames}; give another label with to="
+        return f"{name} is told of {frames}, but nothing of it came to be changed; let the attack last longer"
+
+    def _missing(self, name: str, purpose: str, frames: str) -> str:
+        elsewhere = self._telling.elsewhere(name)
+        told = f" ({elsewhere})" if elsewhere else ""
+        return f"no object {name} {purpose} {frames}{told}; {self._telling.present()}"
 
     def _lie(self, claim: DetectionClaim, stream: _Stream) -> DetectionClaim:
         match self._plan.spec.kind:
@@ -224,15 +265,6 @@ class DetectionAttack:
                 self.object = None
         phantom = self._phantom.seen(claim.stamp_ns, stream.form, (self.object or "") if has_ids else "")
         return replace(claim, detections=(*claim.detections, phantom))
-
-    def _present(self) -> str:
-        told = []
-        for source, stream in self._streams.items():
-            names = [f"{name} ({label})" for name, label in stream.seen.labels.items()]
-            if stream.seen.nameless:
-                names.append("objects without track ids" if not names else "others without track ids")
-            told.append(f"{source} has {', '.join(names) or 'no objects'}")
-        return "; ".join(told)
 
 
 class _Stream:

@@ -73,7 +73,13 @@ def detection_attacks() -> list[AttackKind]:
             _phantom_options(),
             None,
         ),
-        ("swap", "two objects exchange their track ids", (other,), None),
+        (
+            "swap",
+            "two objects exchange their track ids. belie sees it only where they are farther apart (middle to middle) "
+            "than the sum of their longer sides",
+            (other,),
+            None,
+        ),
         (
             "delay",
             "all objects (one, if object is given) stall for `delay`, then run that much late under new stamps. "

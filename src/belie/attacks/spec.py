@@ -204,6 +204,8 @@ def _check_complete(entry: AttackKind, options: Iterable[Option], values: Mappin
         raise AttackError(f"{entry.name} needs {wanted}")
     if "magnitude" in values and (values["magnitude"] is None) == (values["rate"] is None):
         raise AttackError(f"{entry.name} needs either magnitude (constant) or rate (growth a frame)")
+    if values.get("other") is not None and values["other"] == values.get("object"):
+        raise AttackError(f"{entry.name} needs two objects: object and other are both {values['other']}")
     box = [values[name] is None for name in BOX if name in values]
     if any(box) and not all(box):
         raise AttackError(f"{entry.name} needs all of {', '.join(BOX)} [px], or none of them")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 
 import numpy as np
@@ -43,7 +43,7 @@ class StayingObject:
     least_px : float
         The longer side of its smallest box since the attack began.
     first_frame, last_frame : int
-        In which frames it was told of first, and last before the attack was over.
+        In which frames it is told of first, and last as far as the recording was read.
     missed_last : int
         How many messages came after that without it.
     """
@@ -78,27 +78,38 @@ def staying_objects(
     topic : str, optional
         The one detector that counts.
     """
+    stop = start_frame + _AFTER if stop_frame is None else stop_frame
+    return _staying(*_listen(source, start_frame, stop, topic))
+
+
+def _listen(
+    source: Source, start: int, stop: int, topic: str | None
+) -> tuple[Counter[str], dict[tuple[str, str], _Told]]:
+    """Messages around the attack by detector, and what is told of each (detector, track id) up to frame `stop`."""
     model = next((mounted.model for mounted in source.cameras.values()), None)
     messages: Counter[str] = Counter()
     told: dict[tuple[str, str], _Told] = {}
-    stop = start_frame + _AFTER if stop_frame is None else stop_frame
     with reading(source.steps) as steps:
         for number, step in enumerate(islice(steps, stop)):
             for claim in step.claims:
                 if not isinstance(claim, DetectionClaim) or topic not in (None, claim.source):
                     continue
-                is_near = number >= start_frame - _BEFORE
+                is_near = number >= start - _BEFORE
                 messages[claim.source] += is_near
                 for d in claim.detections:
                     box_px = image_box_px(d, model)
                     if d.track_id and box_px is not None:
                         one = told.setdefault((claim.source, d.track_id), _Told(d.label, number))
-                        one.add(number, box_px, is_near=is_near, is_attacked=number >= start_frame)
+                        one.add(number, box_px, is_near=is_near, is_attacked=number >= start)
                         one.heard = messages[claim.source]
+    return messages, told
+
+
+def _staying(messages: Counter[str], told: dict[tuple[str, str], _Told]) -> list[StayingObject]:
     staying = [
         (one.least_px2, one.staying(*key, missed_last=messages[key[0]] - one.heard))
         for key, one in told.items()
-        if messages[key[0]] > 1 and one.near >= _SHARE * messages[key[0]]
+        if messages[key[0]] > 1 and one.is_attacked and one.near >= _SHARE * messages[key[0]]
     ]
     return [one for _, one in sorted(staying, key=lambda found: -found[0])]
 
@@ -144,12 +155,15 @@ class Choice:
         It names them, if there are any.
     objects : tuple of StayingObject
         Two of a swap, if there are two; none where the attack is about no object, or where one was named.
+    stays : bool
+        Whether they stay until the attack ends; otherwise they stay for ten frames at least, and none until it ends.
     lacks : bool
         Whether one, or a second one, was looked for, and none stays: the attack then takes the largest that is held.
     """
 
     spec: AttackSpec
     objects: tuple[StayingObject, ...] = ()
+    stays: bool = True
     lacks: bool = False
 
 
@@ -197,26 +211,28 @@ def _chosen(source: Source, spec: AttackSpec, least_px: float) -> Choice:
     label, other = options.get("to"), options.get("other")
     start = span.start_frame
     ends = (max(span.stop_frame, start + _AFTER), start + _AFTER, span.stop_frame, start + _LEAST_AFTER)
+    windows = sorted({min(end, len(clock)) for end in ends if end >= start + _LEAST_AFTER}, reverse=True)
+    heard = [_listen(source, start, end, topic) for end in windows]
+    _, longest = heard[0]
     each = [
         [
-            one
-            for one in staying_objects(source, start, end, topic=topic)
+            replace(one, last_frame=longest[one.source, one.track_id].last)
+            for one in _staying(*listened)
             if one.missed_last < _LAST and one.least_px >= least_px
             and one.label != label and one.track_id != other
         ]
-        for end in sorted({min(end, len(clock)) for end in ends if end >= start + _LEAST_AFTER}, reverse=True)
+        for listened in heard
     ]  # fmt: skip
-    pairs = [pair for staying in each for pair in combinations(staying, 2) if _are_apart(*pair)]
+    found = list(zip(windows, each, strict=True))
     needs_two = spec.kind == "swap" and other is None
-    objects: tuple[StayingObject, ...] = ()
-    if needs_two and pairs:
-        objects = pairs[0]
-    elif single := [one for staying in each for one in staying[:1]]:
-        objects = (single[0],)
+    pairs = [(end, pair) for end, staying in found for pair in combinations(staying, 2) if _are_apart(*pair)]
+    single = [(end, (one,)) for end, staying in found for one in staying[:1]]
+    end, objects = ((pairs if needs_two else []) or single or [(0, ())])[0]
     named = {name: one.track_id for name, one in zip(("object", "other"), objects, strict=False)}
     return Choice(
         spec=AttackSpec.from_dict({**spec.to_dict(), **named}),
         objects=objects,
+        stays=end >= span.stop_frame,
         lacks=len(objects) < 1 + needs_two,
     )
 

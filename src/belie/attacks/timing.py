@@ -131,6 +131,14 @@ class FrameClock:
         into_ns = stamp_ns - int(self.stamps_ns[index])
         return index + (into_ns / int(self.stamps_ns[index + 1] - self.stamps_ns[index]) if into_ns else 0.0)
 
+    def nearest(self, stamp_ns: int) -> int:
+        """Number of the frame that is stamped nearest to `stamp_ns`, one of those that there are.
+
+        >>> FrameClock.steady(0, 100, 3).nearest(160)
+        2
+        """
+        return min(max(round(self.frame_at(stamp_ns)), 0), len(self) - 1)
+
     def stamp_at(self, frame: float) -> int:
         """Stamp of a fractional frame number, ns: the inverse of `frame_at`."""
         first, last = int(self.stamps_ns[0]), int(self.stamps_ns[-1])

@@ -147,7 +147,7 @@ def attack(
     )
     choices = choose_objects(recording, specs, least_px=ObjectSettings().least_side_px)
     attacked = attacked_by(recording, [choice.spec for choice in choices])
-    labels = attacked.labels
+    labels = attacked.labels  # where there is nothing to attack, before anything is written
     write_recording(
         output,
         _fit_for_messages(attacked.steps()),
@@ -160,7 +160,7 @@ def attack(
     )
     tell_damage(recording)
     tell_detections(recording)
-    write_labels(sidecar, labels, int(attacked.frame_stamps_ns()[0]))
+    write_labels(sidecar, attacked)
     _tell_choices(choices, labels)
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
 
@@ -168,10 +168,15 @@ def attack(
 def _tell_choices(choices: Sequence[Choice], labels: Sequence[AttackLabel]) -> None:
     """Which objects were chosen, or that none stays."""
     for choice, label in zip(choices, labels, strict=True):
+        why = (
+            "as it stays in view"
+            if choice.stays
+            else "as it stays for a while, and none until the attack ends"
+        )
         for one in choice.objects:
             width, height = one.size_px
             print(
-                f"  object {one.track_id} was chosen, as it stays in view: {one.label}, {width}x{height} px in frame "
+                f"  object {one.track_id} was chosen, {why}: {one.label}, {width}x{height} px in frame "
                 f"{label.start_frame}, told of in frames {one.first_frame} to {one.last_frame}"
             )
         if choice.lacks:

@@ -13,11 +13,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from belie.evaluation.report_words import attacked_words, never_decided, raised_words
+from belie.evaluation.report_words import attacked_words, never_decided, raised_words, why_missed
 from belie.types import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from belie.attacks import AttackLabel
     from belie.evaluation.run import Run
@@ -51,7 +51,7 @@ def print_summary(run: Run, *, labels: Iterable[AttackLabel] | None = None, to_s
     console.print(table)
     _print_alerts(console, run)
     if labels is not None:
-        _print_score(console, run.score(labels))
+        _print_score(console, run, run.score(labels))
     _print_undecided(console, run)
 
 
@@ -84,20 +84,29 @@ def _width(stream: TextIO) -> int | None:
 
 
 def _print_alerts(console: Console, run: Run) -> None:
-    """A row an alert, and below it, over the whole width, why: reasons are long."""
     heads = ("alert", "source", "raised at", "onset (estimate)", "delay")
-    rows = [_alert_row(run, alert) for alert in run.alerts]
+    rows = []
+    for alert in run.alerts:
+        type, *others = _alert_row(run, alert)
+        rows.append((Text(type, style="red"), *map(Text, others)))
+    _print_rows(console, heads, rows, [alert.reason for alert in run.alerts])
+
+
+def _print_rows(
+    console: Console, heads: tuple[str, ...], rows: Sequence[tuple[Text, ...]], reasons: Sequence[str]
+) -> None:
+    """A table with a line below each row, over the whole width, why, where that is known: reasons are long."""
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     if sum(widths) + _GAP * len(widths) > console.width:
         widths = [0] * len(widths)
-    for k, (alert, row) in enumerate(zip(run.alerts, rows, strict=True)):
+    for k, (row, reason) in enumerate(zip(rows, reasons, strict=True)):
         table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", show_header=k == 0)
         for head, width in zip(heads, widths, strict=True):
             table.add_column(head, min_width=width or None, overflow="fold")
-        table.add_row(Text(row[0], style="red"), *map(Text, row[1:]))
+        table.add_row(*row)
         console.print(table)
-        if alert.reason:
-            console.print(Padding(Text(f"because {alert.reason}"), (0, 0, 0, 2)))
+        if reason:
+            console.print(Padding(Text(f"because {reason}"), (0, 0, 0, 2)))
 
 
 def _alert_row(run: Run, traced: TracedAlert) -> tuple[str, ...]:
@@ -118,10 +127,8 @@ def _attacked(label: AttackLabel) -> str:
     return f"{', '.join(label.sources)} {attacked_words(label)}".rstrip()
 
 
-def _print_score(console: Console, result: Score) -> None:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for column in ("attack", "on", "result", "delay"):
-        table.add_column(column)
+def _print_score(console: Console, run: Run, result: Score) -> None:
+    rows, reasons = [], []
     for scored in result.labels:
         delay = (
             ""
@@ -129,9 +136,9 @@ def _print_score(console: Console, result: Score) -> None:
             else f"{scored.delay_frames} frames, {scored.delay_ms / 1e3:.2f} s"
         )
         found = Text("hit", style="green") if scored.hit is not None else Text("MISS", style="bold red")
-        table.add_row(Text(scored.label.text), Text(_attacked(scored.label)), found, delay)
-    if result.labels:
-        console.print(table)
+        rows.append((Text(scored.label.text), Text(_attacked(scored.label)), found, Text(delay)))
+        reasons.append("" if scored.hit is not None else why_missed(run, scored.label))
+    _print_rows(console, ("attack", "on", "result", "delay"), rows, reasons)
     bound = result.false_alerts_per_hour_upper
     known = (
         "" if bound is None else f" in {result.honest_s:.1f} s without attack (at most {bound:.0f}/h, 95 %)"

@@ -35,9 +35,9 @@ def tell_detections(
             more = f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
             count = f"{sum(found.values())} of {stream.boxes} boxes"
             lines.append(
-                f"{stream.source}: {count} have labels that no class group holds: "
-                f"{named}{more}; each is a group of its own, not known to stand on the ground: put them into "
-                "objects.classes.groups (belie config) and give that file with --config"
+                f"{stream.source}: {count} have labels that no class group holds: {named}{more}; each is a group of "
+                "its own, not known to stand on the ground: if that is no attack, put them into objects.classes.groups "
+                "(belie config) and give that file with --config"
             )
     for line in lines:
         print(f"belie: warning: {line}", file=sys.stderr)

@@ -97,8 +97,10 @@ def _text_of(error: BaseException) -> str:
     if hasattr(error, "format_message"):  # a usage error of the command line
         command = getattr(getattr(error, "ctx", None), "command_path", "belie")
         return f"{error.format_message().rstrip('.')}; see {command} --help"
-    from belie.types import BelieError
+    from belie.types import BelieError, ConfigError
 
+    if isinstance(error, ConfigError):
+        return error.in_words
     if isinstance(error, BelieError):
         return str(error)
     if isinstance(error, ValueError):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from belie.attacks import AttackLabel
+    from belie.attacks import AttackedRecording
     from belie.recordings import BodyAxes, GeodeticPoint
     from belie.types import MountedCamera, Step
 
@@ -84,17 +85,22 @@ def write_recording(
         partial.unlink(missing_ok=True)
 
 
-def write_labels(path: Path, labels: Sequence[AttackLabel], start_ns: int) -> None:
-    """Write the labels of attacks, and tell what they say; `start_ns` is the stamp of the first frame."""
+def write_labels(path: Path, attacked: AttackedRecording) -> None:
+    """Write the labels of an attacked recording, tell what they say, and warn of attacks that may pass unseen."""
+    from belie.attacks import FrameClock
     from belie.attacks import write_labels as write
 
+    labels, stamps_ns = attacked.labels, attacked.frame_stamps_ns()
     write(path, labels)
+    clock = FrameClock(stamps_ns)
     for label in labels:
-        onset_s = (label.onset_ns - start_ns) * 1e-9
+        onset_s = (label.onset_ns - int(stamps_ns[0])) * 1e-9
         sources = ", ".join(label.sources)
         named = [name for name in (label.object, label.other) if name is not None]
         about = f", object{'s' * (len(named) > 1)} {' and '.join(named)}" if named else ""
         print(
-            f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {label.start_frame} to {label.stop_frame}; "
-            f"labelled {label.alert.value}{about}"
+            f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {clock.nearest(label.onset_ns)} to "
+            f"{label.stop_frame}; labelled {label.alert.value}{about}"
         )
+    for caution in attacked.cautions:
+        print(f"belie: warning: {caution}", file=sys.stderr)

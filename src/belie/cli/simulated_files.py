@@ -112,8 +112,7 @@ class SimulatedFiles:
         """The labels, from the claims that were just simulated: nothing is rendered again."""
         from belie.attacks import attack
 
-        attacked = attack(drive.replayed(), list(specs))
-        write_labels(self.labels, attacked.labels, int(attacked.frame_stamps_ns()[0]))
+        write_labels(self.labels, attack(drive.replayed(), list(specs)))
 
     def write_outcome(self, specs: Sequence[str], outcomes: Sequence[Outcome]) -> None:
         """How a closed loop ended, as JSON."""

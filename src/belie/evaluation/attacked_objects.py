@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from belie.attacks import AttackLabel
 from belie.checks.objects import ObjectSettings
 from belie.detector.alerts import ALERT_OF_CHECK
-from belie.evaluation.film import LOST, OBJECT_ALERTS, Film, Shot, bare_shot
+from belie.detector.object_track import in_view
+from belie.evaluation.film import OBJECT_ALERTS, Film, Shot, bare_shot
 from belie.evaluation.followed import FollowedObject
 from belie.evaluation.told_objects import demands
 from belie.evaluation.trace import Reasons, object_of
@@ -29,6 +30,7 @@ class _Watched:
     one: FollowedObject | None = None  # as it was last followed
     kind: str = ""  # what it was when its attack began: a new name may be believed later
     shots: list[Shot] = field(default_factory=list)
+    in_view: float = 1.0  # share of it, as it was last followed before the attack
     after: int = 0
     frames: int = 0  # attacked
     followed: int = 0
@@ -71,16 +73,16 @@ class AttackedObjects:
         frame: Frame,
         objects: Iterable[FollowedObject],
         verdict: Verdict,
-        past: Mapping[tuple[str, int], Sequence[Shot]],
+        past: Mapping[tuple[str, int], Sequence[Shot]] | None = None,
     ) -> None:
-        """Take in a frame, its objects, the verdict on it, and the last shots of each object."""
+        """Take in a frame, its objects, the verdict on it, and the last shots of each object, if films are wanted."""
         seen = {one.key: one for one in objects}
         for watched in self._watched:
             if watched.after < _AFTER:
                 _follow(watched, frame, seen, verdict, past, self._settings)
 
     def finish(self) -> tuple[Film, ...]:
-        """One film of each object that was ever followed."""
+        """One film of each object that was ever followed; it has shots where those of objects were given."""
         return tuple(_film(watched) for watched in self._watched if watched.one is not None)
 
 
@@ -89,10 +91,11 @@ def _follow(
     frame: Frame,
     seen: Mapping[tuple[str, int], FollowedObject],
     verdict: Verdict,
-    past: Mapping[tuple[str, int], Sequence[Shot]],
+    past: Mapping[tuple[str, int], Sequence[Shot]] | None,
     settings: ObjectSettings | None,
 ) -> None:
     label, stamp_ns = watched.label, frame.stamp_ns
+    size = (frame.image.shape[1], frame.image.shape[0])
     named = [o for o in seen.values() if o.view.source in label.sources and o.view.name == label.object]
     is_over = stamp_ns >= label.end_ns
     is_before = stamp_ns < label.start_ns
@@ -103,15 +106,17 @@ def _follow(
     if one is not None:
         watched.one = one
         watched.kind = one.view.label if is_before or not watched.kind else watched.kind
-        watched.shots = _joined([] if is_before else watched.shots, past[one.key])
-    elif watched.one is not None and not is_before and len(watched.shots) < _MOST_SHOTS:
+        watched.in_view = in_view(one.view.box_px, size) if is_before else watched.in_view
+        if past is not None:
+            watched.shots = _joined([] if is_before else watched.shots, past[one.key])
+    elif past is not None and watched.one is not None and not is_before and len(watched.shots) < _MOST_SHOTS:
         watched.shots.append(bare_shot(frame, watched.one.view.box_px, verdict.frame))
     del watched.shots[_MOST_SHOTS:]
     watched.after += is_over
     if watched.one is not None and not is_before and not is_over:
         _note(watched, one, verdict)
         if one is not None and settings is not None:
-            _note_unproven(watched, one, settings, (frame.image.shape[1], frame.image.shape[0]))
+            _note_unproven(watched, one, settings, size)
 
 
 def _joined(shots: list[Shot], newer: Sequence[Shot]) -> list[Shot]:
@@ -179,14 +184,7 @@ def _why(watched: _Watched) -> str:
     name = f"{watched.kind} {watched.label.object}"
     said = []
     if not watched.followed:
-        before = [
-            shot.in_view
-            for shot in watched.shots
-            if shot.status != LOST and shot.stamp_ns < watched.label.start_ns
-        ]
-        share = (
-            f": {before[-1]:.0%} of its box was left in the picture" if before and before[-1] < 0.9 else ""
-        )
+        share = f": {watched.in_view:.0%} of its box was left in the picture" if watched.in_view < 0.9 else ""
         said.append(f"belie no longer followed {name} when it was attacked{share}")
     elif watched.reported and watched.label.alert is AlertType.OBSTACLE_HIDING:
         said.append(

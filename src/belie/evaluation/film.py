@@ -87,6 +87,8 @@ class Film:
     def strip(self) -> list[tuple[Role, Shot]]:
         """About six shots: two before the lie, where it begins, during it, at the alert, and after it.
 
+        Where the detector does not look at every frame, they are frames that it told of.
+
         >>> dark = np.zeros((2, 2), np.uint8)
         >>> shots = tuple(Shot(number=k, stamp_ns=k, picture=dark, box=np.zeros(4), detected=None,
         ...     predicted=np.zeros((0, 2)), observed=np.zeros((0, 2)), error_px2=None, status="missing",
@@ -100,22 +102,35 @@ class Film:
         last = len(stamps) - 1
         after = max((k for k, shot in enumerate(self.shots) if shot.in_view >= _CLEAR), default=last)
         onset = min(int(np.searchsorted(stamps, self.alert.onset_ns)), last)
+        near = self._with_message
+        before: list[tuple[int, Role]] = [
+            (near(onset - 1, 0, onset - 1), "before"),
+            (near(onset - 1 - _EARLIER, 0, onset - 1 - _EARLIER), "before"),
+        ]
         if self.attack is not None:
-            over = int(np.searchsorted(stamps, self.attack.end_ns))
+            over = min(int(np.searchsorted(stamps, self.attack.end_ns)), last + 1)
             return self._chosen(
                 [
-                    (onset, "attack begins"), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
-                    (min(over, last + 1) - 1, "attacked"), ((onset + over) // 2, "attacked"),
-                    (last if over <= last else -1, "attack over"),
+                    (near(onset, onset, over - 1), "attack begins"), *before,
+                    (near(over - 1, onset, over - 1), "attacked"),
+                    (near((onset + over) // 2, onset, over - 1), "attacked"),
+                    (near(last, over, last) if over <= last else -1, "attack over"),
                 ]
             )  # fmt: skip
+        # The alert stays where it was raised, whether by a message or, late, by none.
         raised = min(int(np.searchsorted(stamps, self.raised_ns or 0)), last)
         first: Role = "lie begins" if self.alert.onset_ns >= stamps[0] else "during"
         wanted: list[tuple[int, Role]] = [
-            (raised, "alert"), (onset, first), (onset - 1, "before"), (onset - 1 - _EARLIER, "before"),
-            ((onset + raised) // 2, "during"), (max(after, raised), "after"),
+            (raised, "alert"), (near(onset, onset, raised), first), *before,
+            (near((onset + raised) // 2, onset, raised), "during"),
+            (near(max(after, raised), raised + 1, max(after, raised)), "after"),
         ]  # fmt: skip
         return self._chosen(wanted)
+
+    def _with_message(self, wanted: int, first: int, last: int) -> int:
+        """Index of the shot from `first` to `last` nearest to the wanted one that has a message; itself if none has."""
+        told = [k for k in range(max(first, 0), last + 1) if self.shots[k].status != "not told"]
+        return min(told, key=lambda k: abs(k - wanted), default=wanted)
 
     def _chosen(self, wanted: list[tuple[int, Role]]) -> list[tuple[Role, Shot]]:
         chosen: dict[int, Role] = {}

@@ -75,7 +75,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
     truth = None if labels is None else list(labels)
     scored = None if truth is None else run.score(truth)
     missed = [] if scored is None else [each.label for each in scored.labels if each.hit is None]
-    films = [*run.films, *(film for film in run.attacked if film.attack in missed)]
+    films = [*run.films, *(film for film in run.attacked if film.shots and film.attack in missed)]
     changed = changed_settings(run.config)
     sequential = getattr(run.config, "sequential", None)
     return {
@@ -92,7 +92,9 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "zoomed": figures.zoom_window(run) is not None,
         "snapshots": [_picture(run, snapshot) for snapshot in run.snapshots],
         "films": [film_content(run, film, k, truth or ()) for k, film in enumerate(films)],
-        "unseen": [words.unseen(label, run.profile) for label in missed if _is_unseen(run, label)],
+        "unseen": [
+            f"{label.text}: no picture, as {why}" for label in missed if (why := words.unfollowed(run, label))
+        ],
         "floor_rows": words.floor_rows(run),
         "floor": figures.floor_figure(run),
         "undecided_share": run.trace.share(Status.UNDECIDED),
@@ -110,11 +112,6 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
             name: getattr(figures, name) for name in ("CLAIMED", "SEEN", "ALERT", "LABEL", "QUIET", "OWN")
         },
     }
-
-
-def _is_unseen(run: Run, label: AttackLabel) -> bool:
-    """Whether a missed attack on objects leaves nothing to show."""
-    return label.stream == "detections" and all(film.attack != label for film in run.attacked)
 
 
 def _score_rows(run: Run, result: Score) -> dict[str, Any]:

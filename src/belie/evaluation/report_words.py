@@ -267,16 +267,20 @@ def way(from_px: FloatArray, to_px: FloatArray) -> str:
     return f"{abs(down):.0f} px {'below' if down > 0 else 'above'}"
 
 
-def unseen(label: AttackLabel, profile: str) -> str:
-    """Why a missed attack on objects has no picture."""
-    why = (
-        "this profile keeps none of objects"
-        if profile == "paper"
-        else "its label names no object (all were attacked, or the detector gives no track ids)"
-        if label.object is None
-        else f"belie did not follow object {label.object}: it knows none that it was never told of"
-    )
-    return f"{label.text}: no picture, as {why}"
+def unfollowed(run: Run, label: AttackLabel) -> str:
+    """Why there is no picture of an attacked object; empty where there is one, or no object."""
+    if label.stream != "detections" or any(film.attack == label for film in run.attacked):
+        return ""
+    if run.profile == "paper":
+        return "this profile keeps none of objects"
+    if label.object is None:
+        return "its label names no object (all were attacked, or the detector gives no track ids)"
+    return f"belie did not follow object {label.object}: it knows none that it was never told of"
+
+
+def why_missed(run: Run, label: AttackLabel) -> str:
+    """Why an attack on an object raised no alert, as far as can be told; empty for other attacks."""
+    return next((film.why for film in run.attacked if film.attack == label), unfollowed(run, label))
 
 
 def floor_rows(run: Run) -> list[dict[str, str]]:

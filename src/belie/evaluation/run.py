@@ -128,7 +128,7 @@ class Run:
     films : tuple of Film
         Of the objects that alerts name.
     attacked : tuple of Film
-        Of the objects that labels name, where the run was given any.
+        Of the objects that labels name, where the run was given any; they have shots where it kept pictures.
     join_counts : mapping
         For each kind of mishap in joining the streams, how often it befell each stream.
     told : tuple of ToldObjects
@@ -208,7 +208,7 @@ def run_detector(
     detector : Detector, optional
         A fresh one; by default it is made from `config`.
     labels : iterable of AttackLabel, optional
-        What was attacked, if it is known: the report can then show objects whose attack raised no alert.
+        What was attacked, if it is known: whose objects raised no alert can then be told, and why.
     on_verdict : callable, optional
         Is given every verdict as soon as it is there.
     pictures : bool
@@ -257,11 +257,11 @@ def run_detector(
             told.see(views, (step.frame.image.shape[1], step.frame.image.shape[0]), step.frame.stamp_ns)
             if pictures:
                 films.add(step.frame, objects, verdict)
-                attacked.add(step.frame, objects, verdict, films.past)
                 view = View(
                     number=verdict.frame, frame=step.frame, T_odom_cam_claimed=claimed, T_odom_cam_seen=seen
                 )
                 snapshots.add(view, verdict, detector.estimate, objects)
+            attacked.add(step.frame, objects, verdict, films.past if pictures else None)
             if on_verdict is not None:
                 on_verdict(verdict)
     finished = trace.finish()

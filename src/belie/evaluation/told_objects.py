@@ -28,7 +28,9 @@ class ToldObjects:
     messages, boxes : int
         How many messages came, and objects in them.
     labels : mapping of str to int
-        Boxes by the label under which their object (track id) first came; without an id, by their own.
+        Boxes by their label.
+    renamed : mapping of (str, str) to int
+        Of those, boxes whose object (track id) first came under another label: by that label, and by theirs.
     objects : int
         How many different ones were followed.
     unjudged : mapping of str to int, or None
@@ -50,18 +52,23 @@ class ToldObjects:
     asked: int = 0
     withheld: Mapping[str, int] = field(default_factory=dict)
     late_frames: int = 0
+    renamed: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     def ungrouped(self, classes: ClassGroups) -> dict[str, int]:
-        """Boxes under labels that no group holds, the most frequent first.
+        """Boxes under labels that no group holds, the most frequent first; but for what first came as something known.
 
         >>> told = ToldObjects(source="/d", messages=1, boxes=3, labels={"Car": 2, "wombat": 1}, objects=3, unjudged={})
         >>> told.ungrouped(ClassGroups())
         {'wombat': 1}
         """
-        found = Counter(
-            {label: n for label, n in self.labels.items() if classes.of(label) not in classes.groups}
-        )
-        return dict(found.most_common())
+
+        def is_known(label: str) -> bool:
+            return classes.of(label) in classes.groups
+
+        found = Counter({label: n for label, n in self.labels.items() if not is_known(label)})
+        for (first, label), count in self.renamed.items():
+            found[label] -= count * is_known(first)
+        return dict((+found).most_common())
 
     def in_words(self) -> str:
         """Messages, boxes and objects, and how many of these could not be judged, with the main reason.
@@ -126,6 +133,7 @@ class _Stream:
     boxes: int = 0
     first_labels: dict[str, str] = field(default_factory=dict)
     labels: Counter[str] = field(default_factory=Counter)
+    renamed: Counter[tuple[str, str]] = field(default_factory=Counter)
     objects: dict[int, _Object] = field(default_factory=dict)
     timing: BoxTiming = field(default_factory=BoxTiming)
 
@@ -166,9 +174,11 @@ class ToldObjectsRecorder:
             stream.boxes += len(claim.detections)
             for detection in named(claim.detections):
                 label = detection.label
-                if detection.track_id:
-                    label = stream.first_labels.setdefault(detection.track_id, label)
                 stream.labels[label] += 1
+                if not detection.track_id:
+                    continue
+                first = stream.first_labels.setdefault(detection.track_id, label)
+                stream.renamed[first, label] += first != label
 
     def see(self, views: Sequence[ObjectView], size: tuple[int, int], stamp_ns: int) -> None:
         """Take in the objects after a frame of (width, height)."""
@@ -204,6 +214,7 @@ class ToldObjectsRecorder:
             messages=stream.messages,
             boxes=stream.boxes,
             labels=dict(stream.labels),
+            renamed=dict(+stream.renamed),
             objects=len(objects),
             unjudged=None if self._settings is None else unjudged,
             asked=sum(known.asked for known in judged),

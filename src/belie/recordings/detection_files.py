@@ -40,6 +40,15 @@ def read_detections(path: Path, *, names: Path | None = None) -> DetectionTable:
     ...     read_detections(Path(folder) / "det.txt").kind
     'MOT text'
     """
+    try:
+        return _read(path, names)
+    except RecordingError as error:
+        if isinstance(error.__cause__, UnicodeDecodeError):
+            raise RecordingError(f"{error}; {_READ}") from error
+        raise
+
+
+def _read(path: Path, names: Path | None) -> DetectionTable:
     for _, line in islice(rows_of(path, separator="\n"), 1):
         if line[0].startswith(("{", "[")):
             what = "COCO's JSON" if '"image_id"' in line[0] or '"annotations"' in line[0] else "JSON"

@@ -11,6 +11,7 @@ import numpy as np
 from belie.recordings.added_claims import AddedStream, ExtendedRecording, in_order
 from belie.recordings.bag import BagRecording
 from belie.recordings.calibration import read_yaml
+from belie.recordings.detection_doubts import doubts
 from belie.recordings.detection_files import read_detections
 from belie.recordings.detection_rows import DETECTIONS_SOURCE, DetectionTable, on_frames
 from belie.recordings.euroc import euroc_root, open_euroc
@@ -19,7 +20,7 @@ from belie.recordings.kitti import is_kitti, open_kitti
 from belie.recordings.kitti_labels import KITTI_LABELS
 from belie.recordings.recording import Recording
 from belie.recordings.storage import BagFormat
-from belie.recordings.topics import NONE
+from belie.recordings.topics import NONE, no_file
 from belie.recordings.tum import is_tum, open_tum
 from belie.recordings.video import is_video, open_video
 from belie.types import RecordingError, TopicError
@@ -139,7 +140,7 @@ def _with_detections(recording: Recording, table: DetectionTable) -> Recording:
         start=in_order(found.claims),
         outside=found.outside,
         repeated=found.repeated,
-        warnings=found.warnings,
+        warnings=(*doubts(table, stamps_ns, camera.model), *found.warnings),
     )
     return ExtendedRecording(recording, stream)
 
@@ -226,7 +227,8 @@ def _refuse(format: str, **given: object) -> None:
         if value is not None and value != NONE:
             if name == "detections":
                 raise TopicError(
-                    f"--detections {value}: no such file, and a recording of format {format} holds no detections itself"
+                    f"--detections {value}: {no_file(str(value))}, and a recording of format {format} holds no "
+                    "detections itself"
                 )
             flag = "--rate" if name == "rate_hz" else f"--{name.replace('_', '-')}"
             raise TopicError(

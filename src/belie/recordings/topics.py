@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path
 
 from belie.recordings.recording import Role
 from belie.types import AmbiguousTopicError, TopicError
@@ -185,10 +185,19 @@ def _named(topics: Sequence[Topic], types: tuple[str, ...], named: str, flag: st
                 raise TopicError(f"{flag} {named}: this topic has no messages")
             return topic
     fitting = [topic for topic in topics if topic.message_type in types]
-    is_path = PurePath(named).suffix or ("/" in named and not named.startswith("/"))
+    is_path = Path(named).suffix or Path(named).is_dir() or ("/" in named and not named.startswith("/"))
     if flag == "--detections" and is_path:
-        raise TopicError(f"{flag} {named}: no such file; topics of a fitting type: {_listed(fitting)}")
+        raise TopicError(f"{flag} {named}: {no_file(named)}; topics of a fitting type: {_listed(fitting)}")
     raise TopicError(f"{flag} {named}: no such topic; those of a fitting type: {_listed(fitting)}")
+
+
+def no_file(named: str) -> str:
+    """Why what is named is no file of detections.
+
+    >>> no_file("none.csv")
+    'no such file'
+    """
+    return "a folder, where one file for all frames is needed" if Path(named).is_dir() else "no such file"
 
 
 def _camera_info(topics: Sequence[Topic], image: Topic, named: str | None) -> Topic:

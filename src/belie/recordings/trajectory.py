@@ -54,8 +54,10 @@ def rows_of(path: Path, *, separator: str | None = None) -> Iterator[tuple[int, 
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} cannot be read as text: {error}") from error
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path} cannot be read as text; if it is text, save it as UTF-8") from error
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
     for number, line in enumerate(lines, start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, [field.strip() for field in line.split(separator)]

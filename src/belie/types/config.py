@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, Self, TypeGuard
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -39,4 +39,40 @@ class Settings(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise ConfigError(f"{origin}: {where}: {first['msg']}") from None
+            text = f"{origin}: {where}: {first['msg']}"
+            if first["type"] != "extra_forbidden":
+                raise ConfigError(text) from None
+            known = _known_instead(cls, first["loc"])
+            raise ConfigError(text, in_words=f"{origin}: {where}: no such setting; {known}") from None
+
+
+def _known_instead(settings: type[BaseModel], where: tuple[str | int, ...]) -> str:
+    """Which setting may be meant by one that is unknown: of its own group first, of all else; otherwise its group's."""
+    from difflib import get_close_matches
+
+    group: Any = settings
+    *path, name = where
+    for step in path:
+        field = group.model_fields.get(str(step)) if _is_group(group) else None
+        group = None if field is None else field.annotation
+    own = list(group.model_fields) if _is_group(group) else []
+    if near := get_close_matches(str(name), own, n=1):
+        return f"did you mean {'.'.join(map(str, (*path, *near)))}?"
+    names = _names(settings)
+    if near := get_close_matches(str(name), [each.rpartition(".")[2] for each in names], n=1):
+        return f"did you mean {' or '.join(each for each in names if f'.{each}'.endswith(f'.{near[0]}'))}?"
+    return f"known here are {', '.join(own)}" if own else "leave it out"
+
+
+def _names(settings: type[BaseModel], within: str = "") -> list[str]:
+    """Dotted names of all settings and their groups."""
+    found = []
+    for name, field in settings.model_fields.items():
+        found.append(f"{within}{name}")
+        if _is_group(field.annotation):
+            found += _names(field.annotation, f"{within}{name}.")
+    return found
+
+
+def _is_group(annotation: Any) -> TypeGuard[type[BaseModel]]:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

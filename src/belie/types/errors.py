@@ -39,7 +39,17 @@ class CalibrationError(RecordingError):
 
 
 class ConfigError(BelieError):
-    """A setting is unknown, misspelt or out of range."""
+    """A setting is unknown, misspelt or out of range.
+
+    Attributes
+    ----------
+    in_words : str
+        What the command line says: as the error's text, but of an unknown setting which known one may be meant.
+    """
+
+    def __init__(self, text: str, *, in_words: str = "") -> None:
+        super().__init__(text)
+        self.in_words = in_words or text
 
 
 class AttackError(BelieError):
