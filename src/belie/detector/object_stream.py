@@ -9,7 +9,7 @@ from itertools import compress
 import numpy as np
 
 from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
-from belie.detector.association import assign, named
+from belie.detector.association import LEAST_OVERLAP, assign, named
 from belie.detector.covering import Covering
 from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
@@ -17,7 +17,7 @@ from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import longer_side, projected_box_px, root_area
+from belie.geometry.boxes import longer_side, overlaps, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
@@ -30,6 +30,7 @@ _STEPS = 9  # messages from which their rate is told
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
+_HALF_HELD = 0.5  # of an object's corners
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
@@ -180,7 +181,10 @@ class ObjectStream:
         hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
         for k, i in enumerate(lost):
             share = float(covering.share[k])
-            self._absent(self.tracks[i], claim.stamp_ns, boxes[hiders[k]], share, current)
+            track, new = self.tracks[i], np.ones(len(boxes), dtype=bool)
+            new[[j for m, j in found.items() if self.tracks[m].met_ns <= track.last_seen_ns]] = False
+            is_told = _may_be(track, then[i], boxes[new])
+            self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
         self._look_through(covering, boxes, {j: i for i, j in found.items()}, then)
@@ -235,7 +239,14 @@ class ObjectStream:
         return np.array([left, top, right, bottom]) if fits else None
 
     def _absent(
-        self, track: ObjectTrack, stamp_ns: int, covers: FloatArray, cover: float, current: ImageStack
+        self,
+        track: ObjectTrack,
+        stamp_ns: int,
+        covers: FloatArray,
+        cover: float,
+        current: ImageStack,
+        *,
+        is_told: bool,
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
@@ -245,8 +256,9 @@ class ObjectStream:
         elif track.absence(current.size, self.settings, by_boxes=False):
             track.was_accused = track.was_accused or track.hiding.accused
             track.hiding.excuse()
-        elif miss is not None and not track.absence(current.size, self.settings):
-            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
+        elif miss is not None and not is_told and not track.absence(current.size, self.settings):
+            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone, and one under
+            # a new id may be it.
             track.hiding.wrong(
                 self.interval_s,
                 self.shares.threshold("hiding", track),
@@ -346,6 +358,15 @@ class ObjectStream:
         track.take_over(detection, box)
         self.tracks.append(track)
         return track
+
+
+def _may_be(track: ObjectTrack, own_px: FloatArray, boxes: FloatArray) -> bool:
+    """Whether one of several boxes (N, 4), told under ids that came up since, may be an object with the box `own_px`.
+
+    After a gap a detector gives it a new id, and where it should be is known less well: then most of its corners tell.
+    """
+    near = np.flatnonzero(overlaps(own_px[None], boxes)[0][0] >= LEAST_OVERLAP) if len(boxes) else ()
+    return any(track.share_in(boxes[j], own_px) >= _HALF_HELD for j in near)
 
 
 def _has_no_box(detection: Detection) -> bool:
