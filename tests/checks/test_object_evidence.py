@@ -128,4 +128,4 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
 
 
 def test_however_many_false_alarms_are_tolerated_one_must_tell_something():
-    assert shared_thresholds(np.full(2, 0.3), np.full(2, 0.2), 2.0).min() >= 1.0
+    assert shared_thresholds(*np.full((3, 2), 0.3), np.ones(2), 2.0).min() >= 1.0

@@ -15,16 +15,12 @@ RATE_SHARE = {"hiding": 1.0 / 2.0, "misclassification": 1.0 / 3.0, "injection": 
 _TESTS = ("hiding", "misclassification")
 # Messages. For how long misses last is known from the few gaps that a stream has shown: after ten single ones, four in
 # a row still have a probability (beta-binomial) of some 3e-6 a message, more than is stated for all objects together.
-_FEWEST_MISSED = 5
+_FEWEST_MISSED, _FEWEST_MISNAMED = 5, 4
 
 
 @dataclass(slots=True)
 class ObjectShares:
-    """The shares of one stream's objects.
-
-    Where nothing is known of what a message tells (boxes with nothing in them), larger objects are given more: what is
-    twice as near is reached in half the time.
-    """
+    """The shares of one stream's objects: what is twice as near is reached in half the time, so it weighs twice."""
 
     false_alarms_per_hour: float
     width_px: int
@@ -45,8 +41,9 @@ class ObjectShares:
         steps += [track.naming.steps(interval_s) for track in may]
         first, each = np.array(steps).reshape(-1, 2).T
         rate = sum(RATE_SHARE[check] for check in _TESTS) * self.false_alarms_per_hour
-        fewest = np.repeat([_FEWEST_MISSED, 1], len(may))
-        given = shared_thresholds(first, each, rate / self.messages_per_hour, fewest).tolist()
+        worth = np.tile([self._side(track) for track in may], len(_TESTS))
+        fewest = np.repeat([_FEWEST_MISSED, _FEWEST_MISNAMED], len(may))
+        given = shared_thresholds(first, each, worth, fewest, rate / self.messages_per_hour).tolist()
         numbers = [track.number for track in may]
         self._given = {
             check: dict(zip(numbers, given[k * len(may) :], strict=False)) for k, check in enumerate(_TESTS)
