@@ -67,4 +67,4 @@ def shared_thresholds(
         price = float(np.exp(-bought) - np.exp(-thresholds[k]))
         if price <= left:
             thresholds[k], left = bought, left - price
-    return np.maximum(thresholds, _LEAST)
+    return np.asarray(np.maximum(thresholds, _LEAST))
