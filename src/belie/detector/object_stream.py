@@ -31,6 +31,7 @@ _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _HALF_HELD = 0.5  # of an object's corners
+_RETOLD = 2  # messages under another id, after which that is its own
 _APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
@@ -184,6 +185,7 @@ class ObjectStream:
             track, new = self.tracks[i], np.ones(len(boxes), dtype=bool)
             new[[j for m, j in found.items() if self.tracks[m].met_ns <= track.last_seen_ns]] = False
             is_told = _may_be(track, then[i], boxes[new])
+            track.retold = track.retold + 1 if is_told else 0
             self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
@@ -199,7 +201,7 @@ class ObjectStream:
                 track.cover.tell(track.hidden_then)
         here = [self.tracks[i] for i in found]
         call_by_ids(here, {self.tracks[i].name for i in lost})
-        self.tracks = without_doubles(self.tracks, here)
+        self.tracks = without_doubles([track for track in self.tracks if track.retold < _RETOLD], here)
         unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
         for n, j in enumerate(unknown):
             if not make_room(self.tracks, longer_side(boxes[j]), self.settings):
@@ -250,15 +252,14 @@ class ObjectStream:
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
-        # A box with nothing in it was no object: nobody hides it.
-        if track.phantom.accused:
+        # A box with nothing in it was no object: nobody hides it. And one under a new id may be it.
+        if track.phantom.accused or is_told:
             track.hiding.excuse()
         elif track.absence(current.size, self.settings, by_boxes=False):
             track.was_accused = track.was_accused or track.hiding.accused
             track.hiding.excuse()
-        elif miss is not None and not is_told and not track.absence(current.size, self.settings):
-            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone, and one under
-            # a new id may be it.
+        elif miss is not None and not track.absence(current.size, self.settings):
+            # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
             track.hiding.wrong(
                 self.interval_s,
                 self.shares.threshold("hiding", track),

@@ -87,6 +87,7 @@ class ObjectTrack:
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
     placed_ns: int = 0  # stamp from which on it is known where it was
+    retold: int = 0  # messages in a row in which a box under a new id may be it
     told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
     told_id: str = ""
