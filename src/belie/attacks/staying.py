@@ -20,7 +20,7 @@ from belie.attacks.spec import AttackSpec, parse_attack
 from belie.attacks.stream import reading
 from belie.attacks.timing import FrameClock
 from belie.geometry import FloatArray
-from belie.geometry.boxes import longer_side
+from belie.geometry.boxes import are_apart, longer_side
 from belie.types import DetectionClaim
 
 # Frames around the onset: known before, and in view well past the paper's ten frames.
@@ -225,7 +225,7 @@ def _chosen(source: Source, spec: AttackSpec, least_px: float) -> Choice:
     ]  # fmt: skip
     found = list(zip(windows, each, strict=True))
     needs_two = spec.kind == "swap" and other is None
-    pairs = [(end, pair) for end, staying in found for pair in combinations(staying, 2) if _are_apart(*pair)]
+    pairs = [(end, pair) for end, staying in found for pair in combinations(staying, 2) if _may_swap(*pair)]
     single = [(end, (one,)) for end, staying in found for one in staying[:1]]
     end, objects = ((pairs if needs_two else []) or single or [(0, ())])[0]
     named = {name: one.track_id for name, one in zip(("object", "other"), objects, strict=False)}
@@ -237,8 +237,6 @@ def _chosen(source: Source, spec: AttackSpec, least_px: float) -> Choice:
     )
 
 
-def _are_apart(one: StayingObject, other: StayingObject) -> bool:
-    """Whether two objects of a detector are so far from each other that no honest tracker confuses them."""
-    gap_px = 0.5 * np.abs(one.box_px[:2] + one.box_px[2:] - other.box_px[:2] - other.box_px[2:])
-    sides_px = longer_side(one.box_px) + longer_side(other.box_px)
-    return one.source == other.source and float(np.linalg.norm(gap_px)) > sides_px
+def _may_swap(one: StayingObject, other: StayingObject) -> bool:
+    """Whether two objects are of one detector, and no honest tracker confuses them."""
+    return one.source == other.source and are_apart(one.box_px, other.box_px)

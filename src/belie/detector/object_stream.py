@@ -17,7 +17,7 @@ from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import longer_side, overlaps, projected_box_px, root_area
+from belie.geometry.boxes import are_apart, longer_side, overlaps, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
@@ -32,7 +32,6 @@ _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be w
 _FULL_VOTE = 2.0  # of a sure detection of a large object
 _HALF_HELD = 0.5  # of an object's corners
 _RETOLD = 2  # messages under another id, after which that is its own
-_APART = 1.0  # of their sizes: distance of two objects whose ids no tracker mistakes
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
@@ -276,7 +275,7 @@ class ObjectStream:
         known = track.weight >= s.established
         group = s.classes.of(detection.label)
         is_anothers = bool(detection.track_id) and owner is not None and owner is not track
-        swapped = known and is_anothers and owner is not None and _apart(track.box_px, owner.box_px)
+        swapped = known and is_anothers and owner is not None and are_apart(track.box_px, owner.box_px)
         vote = _weight(detection.score) * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
@@ -387,8 +386,3 @@ def _weight(score: float) -> float:
 def _sight(box: FloatArray) -> float:
     """What a detection counts of an object so large: far ones are mixed up with what stands before them."""
     return min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)
-
-
-def _apart(a: FloatArray, b: FloatArray) -> bool:
-    gap = float(np.linalg.norm(0.5 * (a[:2] + a[2:] - b[:2] - b[2:])))
-    return gap > _APART * (longer_side(a) + longer_side(b))

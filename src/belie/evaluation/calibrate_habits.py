@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.special import betaln
 
-from belie.checks.objects import Counts, ObjectSettings, lasts_of_small, persistence_of
+from belie.checks.objects import Counts, Habit, ObjectSettings, lasts_of_small
 from belie.detector.object_habits import ObjectHabits
 from belie.evaluation.intervals import wilson_interval
 from belie.geometry import FloatArray
@@ -51,35 +51,34 @@ def fitted(each: Sequence[ObjectHabits], prior: ObjectSettings) -> dict[str, flo
     >>> {name: round(value, 3) for name, value in fitted([seen], ObjectSettings()).items()}["miss_rate"]
     0.049
     """
-    missed, misnamed = [habits.missed for habits in each], [habits.misnamed for habits in each]
-    miss_rate = _share(missed, prior.miss_rate, prior)
-    confusion_rate = _share(misnamed, prior.confusion_rate, prior)
+    missed = _habit(prior.miss_rate, prior, [habits.missed for habits in each])
+    misnamed = _habit(prior.confusion_rate, prior, [habits.misnamed for habits in each])
+    miss_rate, confusion_rate = missed.share(), misnamed.share()
     persistence_s, half_px = _how_long(each, miss_rate, prior)
     interval_s = float(np.median([habits.interval_s for habits in each]))
-    expected = float(_lasts(prior.persistence_s, prior.confusion_rate, interval_s))
-    wrong = sum(c.wrong for c in misnamed)
-    names_last = (sum(c.lasted for c in misnamed) + prior.prior_gaps * expected) / (wrong + prior.prior_gaps)
     # Of what was hardly seen, the most that is likely: else two misnamings in a row accuse who was right all day.
-    interval = wilson_interval(round(wrong), round(sum(c.right + c.wrong for c in misnamed)))
+    names = misnamed.stream
+    interval = wilson_interval(round(names.wrong), round(names.right + names.wrong))
     likely = min(interval[1] if interval else 1.0, prior.confusion_rate)
-    gaps = sum(c.wrong for c in missed)
     own = [counts for habits in each for counts in habits.objects]
     return {
         "miss_rate": min(miss_rate, _MOST_SHARE),
         "confusion_rate": min(max(confusion_rate, likely), _MOST_SHARE),
-        "persistence_s": max(persistence_s, persistence_of(names_last, confusion_rate, interval_s)),
+        "persistence_s": max(persistence_s, misnamed.memory_s(interval_s)),
         "half_seen_px": half_px,
         "prior_messages": _trusted(messages_of(each), prior.prior_messages, _MOST_MESSAGES),
-        "prior_gaps": _trusted(gaps, prior.prior_gaps, _MOST_GAPS),
+        "prior_gaps": _trusted(missed.stream.wrong, prior.prior_gaps, _MOST_GAPS),
         "object_messages": _alike([(c.begun, c.begun + c.right) for c in own], prior.object_messages),
         "object_gaps": _alike([(c.lasted, c.wrong) for c in own], prior.object_gaps),
     }
 
 
-def _share(counts: Sequence[Counts], expected: float, prior: ObjectSettings) -> float:
-    """Share of messages in error, by what was seen and expected."""
-    wrong, n = sum(c.wrong for c in counts), prior.prior_messages
-    return (wrong + n * expected) / (wrong + sum(c.right for c in counts) + n)
+def _habit(rate: float, prior: ObjectSettings, seen: Sequence[Counts]) -> Habit:
+    """One kind of error, as expected, and as all recordings together show it."""
+    habit = Habit(rate, prior.persistence_s, prior.prior_messages, prior.prior_gaps)
+    for counts in seen:
+        habit.learn(Counts(), counts)
+    return habit
 
 
 def _trusted(seen: float, prior: float, most: float) -> float:
@@ -101,7 +100,7 @@ def _how_long(each: Sequence[ObjectHabits], share: float, prior: ObjectSettings)
     for habits in each:
         q = _lasts(tau_s, share, habits.interval_s)
         for side_px, went_on in habits.steps:
-            ends = (1.0 - q) * (1.0 - lasts_of_small(np.asarray(side_px), half_px))
+            ends = (1.0 - q) * (1.0 - lasts_of_small(side_px, half_px))
             likely += np.log(1.0 - ends) if went_on else np.log(ends)
     best = int(np.argmax(likely))
     return float(tau_s.ravel()[best]), float(half_px.ravel()[best])

@@ -157,6 +157,19 @@ def root_area(box_px: FloatArray) -> float:
     return float(np.sqrt(max((right - left) * (bottom - top), 0.0)))
 
 
+def are_apart(a_px: FloatArray, b_px: FloatArray) -> bool:
+    """Whether two boxes are farther apart, middle to middle, than the sum of their longer sides.
+
+    No tracker takes the one for the other then.
+
+    >>> a = np.array([0.0, 0.0, 10.0, 5.0])
+    >>> are_apart(a, a + 14.0), are_apart(a, a + 15.0)
+    (False, True)
+    """
+    gap = float(np.linalg.norm(0.5 * (a_px[:2] + a_px[2:] - b_px[:2] - b_px[2:])))
+    return gap > longer_side(a_px) + longer_side(b_px)
+
+
 @compiled()
 def overlaps(a: Any, b: Any) -> tuple[Any, Any]:
     """Intersection over union of every box of `a` with every one of `b`, and the share of `a` that `b` covers.

@@ -7,7 +7,6 @@ from belie.checks.objects.habits import (
     ErrorTest,
     Habit,
     lasts_of_small,
-    persistence_of,
     run_threshold,
 )
 from belie.checks.objects.injection import PhantomTest, background_evidence, passing_evidence
@@ -25,7 +24,6 @@ __all__ = [
     "background_evidence",
     "lasts_of_small",
     "passing_evidence",
-    "persistence_of",
     "run_threshold",
     "shared_thresholds",
 ]

@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-
-import numpy as np
+from typing import TypeVar
 
 from belie.geometry import FloatArray
+
+_Px = TypeVar("_Px", float, FloatArray)
 
 _LEAST = 0.02  # no detector is trusted to be better, however long it has been
 _MOST = 0.97
@@ -114,7 +115,7 @@ class Habit:
     ) -> float:
         hard, itself = 0.0, self._begins(own)
         if after_error:
-            hard = 1.0 / (1.0 + (side_px / self.half_seen_px) ** _STEEPNESS)
+            hard = lasts_of_small(side_px, self.half_seen_px)
             itself = self._lasts(own, interval_s)
         return min(1.0 - (1.0 - itself) * (1.0 - hard) * (1.0 - covered), _MOST)
 
@@ -141,7 +142,9 @@ class Habit:
         s, n, share = self.stream, self.prior_gaps, self.share()
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
         lasts = (s.lasted + n * expected) / (s.wrong + n)
-        return persistence_of(lasts, share, interval_s)
+        correlation = (lasts - share) / (1.0 - share)
+        # Below, consecutive images share nothing; above, the time is longer than the recordings show.
+        return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
 
     def _begins(self, own: Counts) -> float:
         s, n = self.stream, self.prior_messages
@@ -270,26 +273,15 @@ class ErrorTest:
         self.accused, self._seen, self._steps = False, Counts(), []
 
 
-def persistence_of(lasts: float, share: float, interval_s: float) -> float:
-    """For how long consecutive images share the cause of an error, s.
+def lasts_of_small(side_px: float, half_seen_px: _Px) -> _Px:
+    """Share of misses that go on because the object is small (root of its area, px), for one `half_seen_px` or many.
 
-    `lasts`: share of errors that go on into the next message; `share` of all messages that err.
-
-    >>> round(persistence_of(0.05, 0.05, 0.1), 3), round(persistence_of(0.65, 0.05, 0.1), 3)
-    (0.014, 0.218)
+    >>> import numpy as np
+    >>> lasts_of_small(20.0, 20.0), lasts_of_small(40.0, np.array([20.0, 40.0])).round(2).tolist()
+    (0.5, [0.06, 0.5])
     """
-    correlation = (lasts - share) / (1.0 - share)
-    # Below, consecutive images share nothing; above, the time is longer than the recordings show.
-    return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
-
-
-def lasts_of_small(side_px: FloatArray, half_seen_px: FloatArray | float) -> FloatArray:
-    """Share of misses that go on because the object is small (root of its area, px).
-
-    >>> lasts_of_small(np.array([20.0, 40.0]), 20.0).round(2)
-    array([0.5 , 0.06])
-    """
-    return np.asarray(1.0 / (1.0 + (side_px / half_seen_px) ** _STEEPNESS))
+    steep: _Px = (side_px / half_seen_px) ** _STEEPNESS
+    return 1.0 / (1.0 + steep)
 
 
 def run_threshold(false_alarms_per_hour: float, messages_per_hour: float, share: float) -> float:
