@@ -78,6 +78,20 @@ class AttackLabel:
                 f"start {self.start_ns}, onset {self.onset_ns}, end {self.end_ns} are out of order"
             )
 
+    def about(self, kind: str = "") -> str:
+        """The objects that it names, both of a swap; empty where it names none. `kind`: what the first one is.
+
+        >>> label = AttackLabel(name="detections-swap", text="detections-swap", stream="detections", sources=("/d",),
+        ...     alert="object_misclassification", start_frame=1, stop_frame=2, start_ns=5, onset_ns=5, end_ns=6, seed=0,
+        ...     object="7", other="3")
+        >>> label.about()
+        'objects 7 and 3'
+        """
+        if self.object is None:
+            return ""
+        first = f"{kind or ('object' if self.other is None else 'objects')} {self.object}"
+        return first if self.other is None else f"{first} and {self.other}"
+
 
 AttackLabel.__pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[attr-defined]
 

@@ -96,8 +96,7 @@ def write_labels(path: Path, attacked: AttackedRecording) -> None:
     for label in labels:
         onset_s = (label.onset_ns - int(stamps_ns[0])) * 1e-9
         sources = ", ".join(label.sources)
-        named = [name for name in (label.object, label.other) if name is not None]
-        about = f", object{'s' * (len(named) > 1)} {' and '.join(named)}" if named else ""
+        about = f", {named}" if (named := label.about()) else ""
         print(
             f"{label.text}: {sources} lies from {onset_s:.2f} s, frame {clock.nearest(label.onset_ns)} to "
             f"{label.stop_frame}; labelled {label.alert.value}{about}"

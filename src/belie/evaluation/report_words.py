@@ -86,10 +86,7 @@ def attacked_words(label: AttackLabel, kinds: Mapping[AttackLabel, str] | None =
     >>> attacked_words(label), attacked_words(replace(label, other=None), {replace(label, other=None): "car"})
     ('objects 7 and 3', 'car 7')
     """
-    if label.object is None:
-        return ""
-    first = f"{(kinds or {}).get(label) or ('object' if label.other is None else 'objects')} {label.object}"
-    return first if label.other is None else f"{first} and {label.other}"
+    return label.about((kinds or {}).get(label, ""))
 
 
 def headline(run: Run) -> str:
