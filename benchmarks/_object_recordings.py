@@ -88,36 +88,46 @@ def _boxes(path: Path, frames: int) -> tuple[tuple[Annotated, ...], ...]:
 
 
 def _crossing(folder: Path, files: Sequence[Path]) -> tuple[tuple[Annotated, ...], ...]:
-    """Boxes without identities: joined from frame to frame by nearness, as a tracker would."""
+    """Boxes without identities, but listed in one order of the actors: joined by that order and by nearness."""
     found: list[tuple[Annotated, ...]] = []
     last: list[Annotated] = []
     made = 0
     for path in files:
-        now: list[Annotated] = []
         table = folder / "boxes" / f"{path.stem}.txt"
-        for line in table.read_text().split("\n") if table.exists() else []:
-            if not line.strip():
-                continue
-            x0, x1, y0, y1, label = line.split()[:5]
-            box = np.array([float(x0), float(y0), float(x1), float(y1)])
-            middle, size = 0.5 * (box[:2] + box[2:]), float((box[2:] - box[:2]).max())
-            near = [
-                old for old in last
-                if old.label == label.lower() and old.track_id not in {a.track_id for a in now}
-                and np.linalg.norm(0.5 * (old.box_px[:2] + old.box_px[2:]) - middle) < 0.6 * size
-            ]  # fmt: skip
-            if near:
-                nearest = min(
-                    near, key=lambda o: float(np.linalg.norm(o.box_px[:2] + o.box_px[2:] - 2 * middle))
-                )
-                name = nearest.track_id
-            else:
+        told = [line.split()[:5] for line in table.read_text().splitlines()] if table.exists() else []
+        boxes = [
+            (np.array([x0, y0, x1, y1], float), label.lower()) for x0, x1, y0, y1, label in filter(None, told)
+        ]
+        ids = {now: last[then].track_id for then, now in _in_order(last, boxes)}
+        for k in range(len(boxes)):
+            if k not in ids:
                 made += 1
-                name = str(made)
-            now.append(Annotated(track_id=name, label=label.lower(), box_px=box))
-        found.append(tuple(now))
-        last = now
+                ids[k] = str(made)
+        last = [Annotated(track_id=ids[k], label=label, box_px=box) for k, (box, label) in enumerate(boxes)]
+        found.append(tuple(last))
     return tuple(found)
+
+
+def _in_order(last: Sequence[Annotated], boxes: Sequence[tuple[FloatArray, str]]) -> list[tuple[int, int]]:
+    """Pairs that keep the order of both lists and are near each other: as many, and as near, as there can be."""
+    worth = np.zeros((len(last) + 1, len(boxes) + 1))
+    paired = np.zeros(worth.shape)
+    for i, old in enumerate(last):
+        for j, (box, label) in enumerate(boxes):
+            step = 0.5 * float(np.linalg.norm(box[:2] + box[2:] - old.box_px[:2] - old.box_px[2:]))
+            near = 1.0 - step / (0.6 * float((box[2:] - box[:2]).max()))
+            paired[i + 1, j + 1] = near if old.label == label and near > 0.0 else -np.inf
+            worth[i + 1, j + 1] = max(worth[i, j + 1], worth[i + 1, j], worth[i, j] + paired[i + 1, j + 1])
+    pairs, i, j = [], len(last), len(boxes)
+    while i and j:
+        if worth[i, j] == worth[i, j - 1]:
+            j -= 1
+        elif worth[i, j] == worth[i - 1, j]:
+            i -= 1
+        else:
+            i, j = i - 1, j - 1
+            pairs.append((i, j))
+    return pairs
 
 
 def detected(

@@ -8,8 +8,8 @@ import pytest
 
 from belie.detector import Config
 from belie.detector.alerts import AlertBook
-from belie.detector.object_track import places_in
 from belie.detector.objects import ObjectStage
+from belie.detector.places import places_in
 from belie.geometry import SE3, CameraModel
 from belie.types import Detection, DetectionClaim, Frame, VisualEstimate
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from belie.checks.objects import ErrorTest, Habit
-from belie.detector.object_track import ObjectTrack, places_in
+from belie.detector.object_track import ObjectTrack
+from belie.detector.places import places_in
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import SE3, CameraModel
 from belie.types import VisualEstimate

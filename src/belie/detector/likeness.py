@@ -1,12 +1,13 @@
-"""Whether a box that bears another name still shows the same object: its picture, where its corners do not last.
+"""Whether a place still shows the same object: its picture, where its corners do not last.
 
-That the object under a box is the same, it can say; that an object without a box is still there, not well enough: over
-places where walking people had been, it vouched for the shadow on a crossing once in some minutes.
+That the object under a box with another name is the same, the picture can say; that an object without a box is still
+there, not well enough: over places where walking people had been, it vouched for the shadow on a crossing once in some
+minutes. Before a standing camera its figure can (`detector/figure.py`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,38 +16,65 @@ from belie.odometry.local_appearance import best_match, picture_of
 from belie.odometry.local_features import ImageStack
 from belie.types import GrayImage
 
-VOUCHES = 5.0  # nats: a detector's track goes over to another object some 5 times an hour; 0.03 may be accused for it
 _GONE = -3.0  # nats; odds of one in twenty
 _MOST = 3.0  # nats a message
 _FIRST, _EVERY = 6, 4  # messages in which its own correlations are learned
-_PRIOR = 4.0  # messages that these expectations weigh:
-_SAME, _OTHER = 0.7, 0.3  # correlation with itself and with what is beside it
-_SIGMA = 0.17  # of both, as measured on walking people 0.3 s apart and on parked cars
+_PRIOR = 4.0  # messages that expectations weigh
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """Correlation of a picture with itself later, with what is beside it, and with what may take its place.
+
+    `alike`: None where that looks as what is beside it; `sigma`: the deviation of all three; `vouches`: nats of
+    evidence against the last that make certain.
+    """
+
+    same: float
+    other: float
+    alike: float | None
+    sigma: float
+    vouches: float
+    may_fade: bool = True  # light may change what is seen of it
+
+
+# As measured on walking people 0.3 s apart and on parked cars. A detector's track goes over to another object some five
+# times an hour; 0.03 may be accused for it.
+PICTURE = Expected(same=0.7, other=0.3, alike=None, sigma=0.17, vouches=5.0)
 
 
 @dataclass(slots=True)
 class Likeness:
     """An object's picture when it was last detected, and how well it fits where it should be.
 
-    `evidence`: log-likelihood ratio, nats, that the box shows the object, summed over the messages that misname it.
+    `told`: log-likelihood ratio, nats, of the last look that the place shows the object, not what is beside it;
+    `evidence`: that it does not show something alike, summed since it was last told of under its name; `shift_px` (2,):
+    how far off that place the picture fits best.
     """
+
+    expected: Expected = PICTURE
 
     seen: tuple[ImageStack, FloatArray] | None = (
         None  # image and box: its picture is cut out when somebody asks
     )
     evidence: float = 0.0
+    told: float = 0.0
     score: float = 0.0
-    _same: float = _SAME * _PRIOR
-    _other: float = _OTHER * _PRIOR
+    shift_px: FloatArray = field(default_factory=lambda: np.zeros(2))
+    _same: float = 0.0
+    _other: float = 0.0
     _count: float = _PRIOR
     _count_other: float = _PRIOR
     _messages: int = 0
     _picture: GrayImage | None = None
 
+    def __post_init__(self) -> None:
+        self._same, self._other = self.expected.same * _PRIOR, self.expected.other * _PRIOR
+
     @property
     def vouches(self) -> bool:
         """Whether it is certainly the same object."""
-        return self.evidence >= VOUCHES
+        return self.evidence >= self.expected.vouches
 
     @property
     def denies(self) -> bool:
@@ -67,25 +95,34 @@ class Likeness:
 
     def learn(self, stack: ImageStack, box_px: FloatArray) -> None:
         """Take its picture anew; now and then learn how well the last one fits, and what is beside the object."""
-        self.evidence = 0.0
+        self.evidence = self.told = 0.0
         self._messages += 1
         asks = self._messages <= _FIRST or self._messages % _EVERY == 0
         if asks and self.picture is not None:
-            self._same += best_match(stack, self.picture, box_px)
+            self._same += self._match(stack, self.picture, box_px)[0]
             self._count += 1.0
             width = box_px[2] - box_px[0]
             for side in (-1.5, 1.5):
                 beside = box_px + side * width * np.array([1.0, 0.0, 1.0, 0.0])
                 if beside[0] >= 0.0 and beside[2] <= stack.size[0]:
-                    self._other += best_match(stack, self.picture, beside)
+                    self._other += self._match(stack, self.picture, beside)[0]
                     self._count_other += 1.0
         self.seen = stack, box_px
 
     def look(self, stack: ImageStack, box_px: FloatArray) -> None:
-        """A message misnames it: add what its picture says."""
+        """A message misnames it, or does not tell of it: add what its picture says."""
+        self.told = 0.0
         if self.picture is None:
             return
-        self.score = best_match(stack, self.picture, box_px)
-        same, other = self._same / self._count, self.beside
-        told = ((self.score - other) ** 2 - (self.score - same) ** 2) / (2.0 * _SIGMA**2)
-        self.evidence += min(max(told, -_MOST), _MOST) if same > other else 0.0
+        self.score, self.shift_px = self._match(stack, self.picture, box_px)
+        beside = self.beside
+        self.told = self._against(beside)
+        self.evidence += self._against(max(beside, self.expected.alike or beside))
+
+    def _against(self, other: float) -> float:
+        same = self._same / self._count
+        told = ((self.score - other) ** 2 - (self.score - same) ** 2) / (2.0 * self.expected.sigma**2)
+        return min(max(told, -_MOST), _MOST) if same > other else 0.0
+
+    def _match(self, stack: ImageStack, picture: GrayImage, box_px: FloatArray) -> tuple[float, FloatArray]:
+        return best_match(stack, picture, box_px, may_fade=self.expected.may_fade)

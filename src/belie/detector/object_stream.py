@@ -14,11 +14,13 @@ from belie.detector.covering import Covering
 from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
 from belie.detector.object_shares import ObjectShares
-from belie.detector.object_track import ObjectTrack, in_view
+from belie.detector.object_track import ObjectTrack
+from belie.detector.places import in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import are_apart, longer_side, overlaps, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
+from belie.odometry.still_background import StillBackground, without_boxes
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
@@ -50,6 +52,7 @@ class ObjectStream:
     tracking: TrackingSettings
     false_alarms_per_hour: float
     scene: SceneWitness
+    background: StillBackground
     tracks: list[ObjectTrack] = field(default_factory=list)
     waiting: list[DetectionClaim] = field(default_factory=list)
     last_ns: int | None = None
@@ -171,6 +174,7 @@ class ObjectStream:
         found = assign(
             then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
             lambda i, box: self.tracks[i].share_in(box, then[i]), [t.told_area_px2 for t in self.tracks],
+            [t.detections == 1 for t in self.tracks],
         )  # fmt: skip
         self.shares.share_out(self.tracks, self.interval_s)
         stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
@@ -179,12 +183,15 @@ class ObjectStream:
         covering = Covering.of(then[lost], lost_stand, boxes, stand)
         self._look_through(covering, boxes, dict(enumerate(lost)), then)
         hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
+        untold = self.background.difference() if any(self.tracks[i].is_soft for i in lost) else None
+        untold = None if untold is None else without_boxes(untold, boxes)
         for k, i in enumerate(lost):
             share = float(covering.share[k])
             track, new = self.tracks[i], np.ones(len(boxes), dtype=bool)
             new[[j for m, j in found.items() if self.tracks[m].met_ns <= track.last_seen_ns]] = False
             is_told = _may_be(track, then[i], boxes[new])
             track.retold = track.retold + 1 if is_told else 0
+            track.look_for(untold, claim.stamp_ns)
             self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
@@ -254,6 +261,8 @@ class ObjectStream:
         # A box with nothing in it was no object: nobody hides it. And one under a new id may be it.
         if track.phantom.accused or is_told:
             track.hiding.excuse()
+        elif track.figure.may_be_there:
+            pass  # such a message tells nothing
         elif track.absence(current.size, self.settings, by_boxes=False):
             track.was_accused = track.was_accused or track.hiding.accused
             track.hiding.excuse()
@@ -265,6 +274,7 @@ class ObjectStream:
                 stamp_ns,
                 root_area(track.box_px),
                 covered=miss,
+                vouched=track.figure.vouches or not track.figure.is_there,
             )
 
     def _present(
@@ -287,9 +297,9 @@ class ObjectStream:
             fair = track.absence(current.size, s)
             soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
             if soft:
-                track.likeness.look(current, box + track.box_px - track.box_at(stamp_ns))
-                fair = "" if track.likeness.vouches else fair
-            if track.likeness.denies or (fair and not soft):
+                track.look_at(current, self.background.difference(), box, stamp_ns)
+                fair = "" if track.looks_the_same else fair
+            if track.looks_different or (fair and not soft):
                 track.naming.excuse()
             else:
                 track.is_swapped = not misnamed
@@ -310,6 +320,8 @@ class ObjectStream:
         track.renew(current, s, self.scene.frame, covers)
         if track.is_soft and not track.naming.errors:
             track.likeness.learn(current, track.box_px)
+            if (difference := self.background.difference()) is not None:
+                track.figure.learn(difference, track.box_px)
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""

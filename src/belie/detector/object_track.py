@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
+from belie.detector.figure import Figure
 from belie.detector.likeness import Likeness
+from belie.detector.places import in_view, places_in
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
 from belie.odometry.local_features import ImageStack, View, local_corners, window_of
@@ -94,6 +96,7 @@ class ObjectTrack:
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
     likeness: Likeness = field(default_factory=Likeness)
+    figure: Figure = field(default_factory=Figure)  # before a standing camera
     # Its shift by the camera's rotation: up to each frame of its history, and to that of the last detected box.
     turns_px: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     told_turn_px: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -240,6 +243,7 @@ class ObjectTrack:
         for k, border in enumerate((0.0, 0.0, *size)):
             is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
             correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
+        self.figure.meet((box_then_px - self.box_at(stamp_ns)).reshape(2, 2).mean(axis=0), box_then_px)
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
@@ -314,6 +318,37 @@ class ObjectTrack:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
+    def look_for(self, untold: ImageStack | None, stamp_ns: int) -> None:
+        """Find what was not told of and differs from the background as the object did; and go where it fits."""
+        speed = self.speed_px_s if self.is_soft else None
+        gone_px = None if speed is None else speed * ((stamp_ns - self.last_seen_ns) * 1e-9)
+        found = self.figure.look_for(untold, self.box_px, gone_px)
+        if found is None or speed is None:
+            return
+        self._correct(np.tile(found[0], 2), stamp_ns)
+        if stamp_ns > self.last_found_ns:
+            self.speed_px_s = speed + found[1] / ((stamp_ns - self.last_found_ns) * 1e-9)
+        self.last_found_ns = stamp_ns
+
+    def look_at(
+        self, current: ImageStack, difference: ImageStack | None, box_then_px: FloatArray, stamp_ns: int
+    ) -> None:
+        """Compare a box that bears another name with its picture, and its figure where there is a background."""
+        where = box_then_px + self.box_px - self.box_at(stamp_ns)
+        self.likeness.look(current, where)
+        if difference is not None:
+            self.figure.look(difference, where)
+
+    @property
+    def looks_the_same(self) -> bool:
+        """Whether its picture, or its figure, is certainly the same under another name."""
+        return self.likeness.vouches or self.figure.vouches
+
+    @property
+    def looks_different(self) -> bool:
+        """Whether what is seen under another name is something else."""
+        return self.likeness.denies and not self.figure.vouches
+
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
         # Where the last search found all there is, another one does so only when some are lost, or after a while.
@@ -346,6 +381,8 @@ class ObjectTrack:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
+        if self.figure.is_there:
+            return ""
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
@@ -366,27 +403,3 @@ class ObjectTrack:
 
     def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
         return places_in(self.box_px if box_px is None else box_px, px)
-
-
-def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
-    """Where pixels lie within a box, 0 to 1 along each axis, shape (N, 2).
-
-    >>> places_in(np.array([0.0, 0.0, 10.0, 20.0]), np.array([[4.5, 4.5]]))
-    array([[0.5 , 0.25]])
-    """
-    left, top, right, bottom = box_px.tolist()
-    size = np.array([max(right - left, 1.0), max(bottom - top, 1.0)])
-    return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
-
-
-def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
-    """Share of a box that lies inside the image.
-
-    >>> in_view(np.array([-5.0, 0.0, 5.0, 10.0]), (100, 100))
-    0.5
-    """
-    left, top, right, bottom = box_px.tolist()
-    width = min(max(right, 0.0), size[0]) - min(max(left, 0.0), size[0])
-    height = min(max(bottom, 0.0), size[1]) - min(max(top, 0.0), size[1])
-    area = (right - left) * (bottom - top)
-    return float(width * height / area) if area > 0.0 else 0.0

@@ -13,6 +13,7 @@ from belie.detector.object_view import ObjectView, view_of
 from belie.detector.scene_witness import Scene, SceneWitness
 from belie.geometry import CameraModel
 from belie.odometry.local_features import ImageStack
+from belie.odometry.still_background import StillBackground
 from belie.odometry.tracking import TrackingSettings
 from belie.types import (
     Claim,
@@ -39,6 +40,7 @@ class ObjectStage:
         self._rate = false_alarms_per_hour
         self.streams: dict[str, ObjectStream] = {}
         self._scene = SceneWitness(camera)
+        self._background = StillBackground(camera.fx)
         self._previous: ImageStack | None = None
         self._last_ns: int | None = None  # stamp of the last frame, judged by or not
         self._is_blind = False  # that frame was not judged by
@@ -67,7 +69,13 @@ class ObjectStage:
             if isinstance(claim, DetectionClaim) and claim.stamp_ns - now_ns < _MOST_AHEAD_NS:
                 if claim.source not in self.streams:
                     self.streams[claim.source] = ObjectStream(
-                        claim.source, self._camera, self._settings, self._tracking, self._rate, self._scene
+                        claim.source,
+                        self._camera,
+                        self._settings,
+                        self._tracking,
+                        self._rate,
+                        self._scene,
+                        self._background,
                     )
                 self.streams[claim.source].waiting.append(claim)
 
@@ -97,6 +105,7 @@ class ObjectStage:
             return [j for stream in self.streams.values() for j in withhold(stream, f"not judged: {doubted}")]
         current = ImageStack(_as_gray(frame.image), half)
         self._scene.move(estimate, scene)
+        self._background.see(current, estimate, frame.stamp_ns)
         # Since an image that was not judged by, the camera has turned more than once.
         known = estimate is not None and estimate.inliers > 0 and not self._is_blind
         R_cur_prev = estimate.T_prev_cur.R.T if estimate is not None and known else None

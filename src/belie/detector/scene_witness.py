@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import background_evidence, passing_evidence
-from belie.detector.object_track import ObjectTrack, places_in
+from belie.detector.object_track import ObjectTrack
+from belie.detector.places import places_in
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plane, static_inverse_depth
 from belie.types import VisualEstimate

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from belie.attacks import AttackLabel
 from belie.checks.objects import ObjectSettings
 from belie.detector.alerts import ALERT_OF_CHECK
-from belie.detector.object_track import in_view
+from belie.detector.places import in_view
 from belie.evaluation.film import OBJECT_ALERTS, Film, Shot, bare_shot
 from belie.evaluation.followed import FollowedObject
 from belie.evaluation.told_objects import demands

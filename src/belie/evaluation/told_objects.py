@@ -11,7 +11,7 @@ from belie.checks.objects.class_groups import ClassGroups
 from belie.detector import ObjectView
 from belie.detector.association import named
 from belie.detector.covering import LEAST_CORNERS
-from belie.detector.object_track import in_view
+from belie.detector.places import in_view
 from belie.evaluation.box_timing import BoxTiming
 from belie.geometry.boxes import longer_side
 from belie.types import Claim, DetectionClaim

@@ -35,24 +35,35 @@ def picture_of(stack: ImageStack, box_px: FloatArray) -> GrayImage | None:
     return picture
 
 
-def best_match(stack: ImageStack, picture: GrayImage, box_px: FloatArray) -> float:
-    """How well an object's picture fits in or near a box: the best normalised correlation, -1 to 1.
+def best_match(
+    stack: ImageStack, picture: GrayImage, box_px: FloatArray, *, may_fade: bool = True
+) -> tuple[float, FloatArray]:
+    """How well an object's picture fits in or near a box, and how far from its place in it [px].
+
+    The best normalised correlation, -1 to 1; where it must not fade, at most the contrast there against the picture's.
 
     Examples
     --------
     >>> image = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
     >>> box = np.array([30.0, 30.0, 62.0, 62.0])
     >>> soft = ImageStack(cv2.GaussianBlur(image, (0, 0), 3.0))
-    >>> best_match(soft, picture_of(soft, box), box + np.array([4.0, 0.0, 4.0, 0.0])) > 0.9
-    True
+    >>> score, shift_px = best_match(soft, picture_of(soft, box), box + np.array([4.0, 0.0, 4.0, 0.0]))
+    >>> score > 0.9, shift_px.round().tolist()
+    (True, [-4.0, 0.0])
     """
     size = np.maximum(box_px[2:] - box_px[:2], 1.0)
     scale = _scale(size)
     margin = np.ceil(_SEARCH * size * scale).astype(int)
     h, w = picture.shape
     window = Window(0.5 * (box_px[:2] + box_px[2:]), scale, (h + 2 * int(margin[1]), w + 2 * int(margin[0])))
-    best = float(cv2.matchTemplate(window.cut(stack), picture, cv2.TM_CCOEFF_NORMED).max())
-    return best if math.isfinite(best) else 0.0
+    seen = window.cut(stack)
+    scores = cv2.matchTemplate(seen, picture, cv2.TM_CCOEFF_NORMED)
+    if not may_fade:
+        products = cv2.matchTemplate(seen, picture, cv2.TM_CCOEFF)
+        scores = np.minimum(scores, products / (picture.size * max(float(np.var(picture)), 1.0)))
+    scores = np.where(np.isfinite(scores), scores, 0.0)
+    y, x = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    return float(scores[y, x]), np.asarray((np.array([x, y]) - margin) / scale)
 
 
 def _scale(size_px: FloatArray) -> float:
