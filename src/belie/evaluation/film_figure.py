@@ -15,6 +15,7 @@ from belie.evaluation.figures import ALERT, LABEL, QUIET, SEEN, svg
 from belie.evaluation.film import LOST, SIDE_PX, Film, Shot
 from belie.evaluation.run import Run
 from belie.geometry import FloatArray
+from belie.geometry.boxes import where_px
 from belie.types import AlertType
 
 _GAP_PX = 10
@@ -141,10 +142,10 @@ def _words(run: Run, film: Film) -> str:
             ""
             if elsewhere is None
             else f" Instead it reports {name}, {words.way(at_alert.box_px, elsewhere)} of it, "
-            f"{words.where(elsewhere)}: the red box, or the red arrow towards it."
+            f"{where_px(elsewhere)}: the red box, or the red arrow towards it."
         )
         return (
-            f"From {onset_s:.2f} s on {source} no longer reports {name} {words.where(at_alert.box_px)}, although it is "
+            f"From {onset_s:.2f} s on {source} no longer reports {name} {where_px(at_alert.box_px)}, although it is "
             f"still in the picture: its corners can be followed from image to image, and they go on moving together."
             f"{instead} {alarm}"
         )
