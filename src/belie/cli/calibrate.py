@@ -106,6 +106,6 @@ def calibrate(
         ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]
     )
     output.write_text(to_toml(found.config, notes=found.notes, header=header), encoding="utf-8")
-    for line in words:
+    for line in [*words, *found.set_words()]:
         print(line)
     print(f"wrote {output}; now: belie check SOURCE --config {output}")
