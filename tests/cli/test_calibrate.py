@@ -41,6 +41,20 @@ def test_a_stricter_rate_that_was_set_is_not_told_as_the_rate_that_was_asked_for
     assert told == "Set: sequential.false_alarms_per_hour = 0.0001 (before: 0.1): imu /imu needs it"
 
 
+def test_a_file_of_detections_is_about_one_recording(run, drive, tmp_path):
+    boxes, none = tmp_path / "boxes.csv", tmp_path / "none.csv"
+    boxes.write_text("frame,label,left,top,right,bottom\n0,car,10,10,60,60\n89,,,,,\n")
+    none.write_text("frame,label,left,top,right,bottom\n0,,,,,\n89,,,,,\n")
+    result = run("calibrate", drive, drive, "--detections", boxes, "-o", tmp_path / "belie.toml")
+    assert result.exit_code == 2
+    assert "give --detections once for each SOURCE" in result.stderr
+    assert result.stderr.count("\n") == 1
+    files = ["--detections", boxes, "--detections", none]
+    result = run("calibrate", drive, drive, *files, "-o", tmp_path / "belie.toml")
+    assert result.exit_code == 0, result.output
+    assert "/detections: its misses and misnamings were not learned" in result.stdout
+
+
 def test_a_detector_that_teaches_nothing_is_told(run, drive, tmp_path):
     boxes = tmp_path / "boxes.csv"
     boxes.write_text("frame,label,left,top,right,bottom\n80,car,10,10,60,60\n81,,,,,\n")  # in the last third
