@@ -103,13 +103,22 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
 
 
 def _injection(stream: ObjectStream) -> list[Judgement]:
+    phantoms = [track for track in stream.tracks if track.phantom.accused and _was_told(track, stream)]
     accused = [
         Judgement(onset_ns=track.phantom.since_ns, accused=_accused(track, is_real=False), result=CheckResult(
             check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
             threshold=stream.shares.threshold("injection", track), unit="llr", object=track.track_id or track.name,
             reason=f"{track.label} {track.track_id or track.name} {where_px(track.box_px)}: nothing stands there; the "
             "corners in its box lie on the ground or the wall behind it"))
-        for track in stream.tracks if track.phantom.accused and _is_told(track, stream)
+        for track in phantoms if track.last_seen_ns == stream.last_ns
+    ]  # fmt: skip
+    # Who does not tell of it does not lie; but a few such messages do not end a lie that flickers.
+    accused += [
+        Judgement(result=CheckResult(
+            check="injection", source=stream.source, status=Status.UNDECIDED, statistic=track.phantom.statistic,
+            threshold=stream.shares.threshold("injection", track), unit="llr", object=track.track_id or track.name,
+            reason=f"{track.label} {track.track_id or track.name}, where nothing stood, is not told of at the moment"))
+        for track in phantoms if track.last_seen_ns != stream.last_ns
     ]  # fmt: skip
     if accused:
         return accused
@@ -135,8 +144,8 @@ def _accused(track: ObjectTrack, *, is_real: bool = True, is_told: bool = True) 
     )
 
 
-def _is_told(track: ObjectTrack, stream: ObjectStream) -> bool:
-    """Whether the detector still tells of it; a few messages without it do not end a lie that flickers."""
+def _was_told(track: ObjectTrack, stream: ObjectStream) -> bool:
+    """Whether the detector told of it lately."""
     return (stream.last_ns or 0) - track.last_seen_ns <= _SILENT * stream.interval_s * 1e9
 
 
