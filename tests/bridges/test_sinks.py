@@ -7,6 +7,7 @@ import threading
 import time
 import urllib.request
 from collections import Counter
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import numpy as np
@@ -22,7 +23,7 @@ from belie.bridges.settings import (
     WebhookSettings,
 )
 from belie.bridges.sinks.annotated import AnnotatedSink
-from belie.bridges.sinks.diagnostics import DiagnosticsSink, statuses_of
+from belie.bridges.sinks.diagnostics import DiagnosticsSink, alert_status, statuses_of
 from belie.bridges.sinks.evidence import EvidenceSink
 from belie.bridges.sinks.evidence_bag import EvidenceBag
 from belie.bridges.sinks.metrics import MetricsSink
@@ -32,7 +33,17 @@ from belie.bridges.sinks.webhook import WebhookSink
 from belie.bridges.wire import Received, now_ns
 from belie.recordings import open_recording
 from belie.recordings import topics as ros
-from belie.types import Alert, AlertType, CheckResult, ConfigError, Frame, Status, TransportError, Verdict
+from belie.types import (
+    AccusedObject,
+    Alert,
+    AlertType,
+    CheckResult,
+    ConfigError,
+    Frame,
+    Status,
+    TransportError,
+    Verdict,
+)
 
 RETRY = RetrySettings(first_s=0.05, longest_s=0.1, waiting=5)
 
@@ -149,6 +160,22 @@ def test_a_webhook_that_redirects_is_a_failure_and_followed_nowhere(monkeypatch)
     server.shutdown()
     assert set(asked) == {("POST", "/hook")}
     assert board.sink("webhook")["sent"] == 0
+
+
+def test_who_listens_is_told_the_object_of_an_alert():
+    car = AccusedObject(label_before="car", label_after="bird", id_after="7", box_px=(1.0, 2.0, 30.0, 40.0))
+    alert = Alert(type=AlertType.OBJECT_MISCLASSIFICATION, source=ODOM, onset_ns=5, object="7", accused=car)
+    told = {pair.key: pair.value for pair in alert_status(3, alert).values}
+    assert (told["object"], told["label_before"], told["label_after"]) == ("7", "car", "bird")
+    assert told["box_px"] == "[1.0, 2.0, 30.0, 40.0]"
+    board = Board()
+    lie = CheckResult(check="misclassification", source=ODOM, status=Status.CONTRADICTED, object="7")
+    raised = answer(3)
+    verdict = replace(raised.verdict, checks=(lie,), alerts=(alert,))
+    board.note(replace(raised, verdict=verdict))
+    (error,) = state_of(board.picture(()), MqttSettings(), 0)["errors"]
+    references = {one["referenceKey"]: one["referenceValue"] for one in error["errorReferences"]}
+    assert (references["label_after"], references["box_px"]) == ("bird", "[1.0, 2.0, 30.0, 40.0]")
 
 
 def test_a_webhook_wants_http():

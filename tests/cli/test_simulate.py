@@ -15,15 +15,24 @@ SMALL = ("--size", "160x120", "--duration", "1", "--frame-rate", "10")
 
 
 @pytest.fixture
-def made(monkeypatch):
-    """The made world of the simulation's tests, instead of a rendered one."""
+def made_world(monkeypatch):
+    """Puts the made world of the simulation's tests, with actors (id, x, y), in the place of a rendered one."""
     path = Path(__file__).parents[1] / "simulation" / "conftest.py"
     spec = importlib.util.spec_from_file_location("made_world", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    world = module.make_world(module.make_actor(3, 30.0, 3.0))
-    monkeypatch.setattr("belie.simulation.simulate.build_world", lambda scenario: world)
-    monkeypatch.setattr("belie.simulation.simulate.open_stage", module.open_plane_stage)
+
+    def make(*actors):
+        world = module.make_world(*(module.make_actor(*actor) for actor in actors))
+        monkeypatch.setattr("belie.simulation.simulate.build_world", lambda scenario: world)
+        monkeypatch.setattr("belie.simulation.simulate.open_stage", module.open_plane_stage)
+
+    return make
+
+
+@pytest.fixture
+def made(made_world):
+    made_world((3, 30.0, 3.0))
 
 
 def test_a_recording_and_what_lies_beside_it(run, made, tmp_path):
@@ -131,6 +140,18 @@ def test_nothing_is_overwritten_without_force(run, made, tmp_path):
     assert "--force overwrites it" in refused.stderr
     assert run("simulate", "street-straight", *SMALL, "-o", out, "--force").exit_code == 0
     assert not Path(f"{out}.labels.json").exists()  # nothing stale beside it
+
+
+def test_an_attack_that_names_no_object_takes_one_that_stays(run, made_world, tmp_path):
+    made_world((3, 22.0, 3.0), (4, 40.0, -3.0))  # the nearer one, larger at first, is soon passed
+    out = tmp_path / "out.mcap"
+    sizes = ("--size", "960x720", "--duration", "4", "--frame-rate", "10")
+    spec = "detections-hide:start=15,stop=30"
+    result = run("simulate", "street-straight", *sizes, "--attack", spec, "-o", out)
+    assert result.exit_code == 0, result.output
+    (label,) = read_labels(f"{out}.labels.json")
+    assert (label.object, label.stop_frame) == ("2", 30)
+    assert "object 2 was chosen, as it stays in view" in result.stdout
 
 
 def test_a_bad_attack_fails_before_anything_is_rendered(run, made, tmp_path):

@@ -11,7 +11,7 @@ from belie.detector.alerts import AlertBook
 from belie.detector.object_shares import ObjectShares
 from belie.detector.objects import ObjectStage
 from belie.detector.scene_witness import SceneWitness
-from belie.types import Detection, DetectionClaim, Frame
+from belie.types import Detection, DetectionClaim, Frame, Status
 
 
 def told(box, name="7", label="car", score=0.9):
@@ -282,3 +282,25 @@ def test_who_comes_back_under_a_new_id_and_a_little_off_is_not_hidden():
         said = [told(watch.near(box))] if k < 20 else [told(watch.near(box + off), "8")] if k > 22 else []
         watch.step(k, scene.image(k), message(k * FRAME_NS, *said))
     assert watch.alerts == []
+
+
+def test_what_was_told_in_the_stead_of_a_hidden_object_is_hidden_by_nobody():
+    watch, scene = Watch(), Scene(speed=0.0, start=300.0)
+    for k in range(45):
+        background = np.array([120.0 - k, 40.0, 192.0 - k, 112.0])  # goes along with what is seen there
+        boxes = (scene.box(k),) if k < 15 else (background,) if k < 30 else ()
+        watch.step(k, scene.image(k), message(k * FRAME_NS, *(told(watch.near(box)) for box in boxes)))
+    assert watch.alerts == [(19, "obstacle_hiding", "7")]
+
+
+def test_a_phantom_that_is_not_told_of_is_no_lie_of_that_message(monkeypatch):
+    watch, scene = Watch(), Scene(speed=1.0)
+    monkeypatch.setattr(SceneWitness, "evidence", lambda *_: (None, 6.0))
+    for k in range(30):
+        detections = (told(watch.near(scene.box(k))),) if k not in (20, 21) and k < 25 else ()
+        watch.step(k, scene.image(k), message(k * FRAME_NS, *detections))
+    assert [alert[1:] for alert in watch.alerts] == [("obstacle_injection", "7")]
+    lies = [
+        k for k, answers in enumerate(watch.answers) if answers["injection"].status is Status.CONTRADICTED
+    ]
+    assert lies == [*range(lies[0], 20), *range(22, 25)]

@@ -243,6 +243,23 @@ def test_a_slow_detector_is_shown_in_the_frames_that_it_tells_of():
     ]  # fmt: skip
 
 
+def test_the_picture_of_the_alert_is_one_that_a_message_tells_of(made_run):
+    def every_third_a_frame_late(k):
+        if k % 3 != 1:
+            return (view(k, status="not told"),)
+        return (view(k, told=k - 1, misnamed=k > 20, told_label="bird" if k > 20 else "car"),)
+
+    (film,) = filmed(
+        60, every_third_a_frame_late, onset=21, raised=28, kind=AlertType.OBJECT_MISCLASSIFICATION
+    )
+    (shot,) = [shot for role, shot in film.strip() if role == "alert"]
+    assert shot is film.alert_shot
+    assert (shot.number, shot.status, shot.told_label) == (27, "reported", "bird")
+    (told,) = [s for s in film_content(made_run(60), film, 0)["shots"] if "alert (" in s["when"]]
+    assert told["when"] == "2.70 s: alert (at 2.80 s)"
+    assert told["told"] == "reported as bird"
+
+
 def attacked(frames, views, checks=(), kind=AlertType.OBSTACLE_HIDING, told=None, other=None):
     """Films of object 7, which a label says is attacked in frames 20 to 30."""
     label = AttackLabel(

@@ -68,6 +68,14 @@ def test_a_message_stamped_after_its_frame_is_no_negative_delay():
     assert (only.delay_frames, only.delay_ms) == (0, 0.0)
 
 
+@pytest.mark.parametrize("late_frames", [0.0, 2.9, 3.0, 3.4])
+def test_both_delays_count_from_the_first_message_that_lies(late_frames):
+    late_ns = round(late_frames * FRAME_NS)
+    only = score(run({36: [(ODOMETRY, "/odom")]}), [label(30, 40, late_ns=late_ns)]).labels[0]
+    assert only.delay_frames == 6 - round(late_frames)
+    assert only.delay_ms == pytest.approx(600.0 - 100.0 * late_frames)
+
+
 def test_an_alert_before_the_attack_is_never_a_hit():
     result = score(run({29: [(ODOMETRY, "/odom")]}), [label(30, 40)])
     assert result.hits == 0

@@ -1,7 +1,9 @@
 """Alerts of one detector about several objects, each with its own reason and end."""
 
 from belie.evaluation.traced_alert import AlertRecorder
-from belie.types import Alert, AlertType, CheckResult, Status, Verdict
+from belie.types import AccusedObject, Alert, AlertType, CheckResult, Status, Verdict
+
+CAR = AccusedObject(label_before="car", box_px=(0.0, 0.0, 9.0, 9.0))
 
 
 def told(check, name, status=Status.CONTRADICTED):
@@ -17,11 +19,11 @@ def verdict(k, *checks, alerts=()):
 def test_each_object_has_its_own_reason_and_end():
     hidden, renamed = told("hiding", "7"), told("misclassification", "3")
     alerts = (
-        Alert(type=AlertType.OBSTACLE_HIDING, source="/d", onset_ns=0, object="7"),
+        Alert(type=AlertType.OBSTACLE_HIDING, source="/d", onset_ns=0, object="7", accused=CAR),
         Alert(type=AlertType.OBJECT_MISCLASSIFICATION, source="/d", onset_ns=0, object="3"),
     )
     recorder = AlertRecorder()
-    recorder.add(verdict(0, hidden, renamed, alerts=alerts), {("/d", "7"): "car"})
+    recorder.add(verdict(0, hidden, renamed, alerts=alerts))
     recorder.add(verdict(1, hidden, told("misclassification", None, Status.CONSISTENT)))
     recorder.add(verdict(2, told("hiding", None, Status.UNDECIDED)))
     recorder.add(verdict(3, hidden))

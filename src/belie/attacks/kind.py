@@ -70,7 +70,7 @@ OBJECT = Option(
     name="object",
     form="text",
     meaning="track id to attack; if left out the largest object that stays until the attack ends; if none does, in "
-    "simulations and live: the largest that has been held for a second",
+    "a closed loop and live, where nobody knows what will stay: the largest that has been held for a second",
 )
 
 

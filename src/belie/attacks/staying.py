@@ -193,11 +193,16 @@ def choose_objects(
     chosen: list[Choice] = []
     for spec in (parse_attack(spec) if isinstance(spec, str) else spec for spec in specs):
         before = attack(source, [choice.spec for choice in chosen])
-        chosen.append(_chosen(before, spec, least_px) if _needs_object(spec) else Choice(spec=spec))
+        chosen.append(_chosen(before, spec, least_px) if needs_object(spec) else Choice(spec=spec))
     return chosen
 
 
-def _needs_object(spec: AttackSpec) -> bool:
+def needs_object(spec: AttackSpec) -> bool:
+    """Whether an attack is about one object and names none.
+
+    >>> [needs_object(parse_attack(text)) for text in ("detections-hide", "detections-hide:object=7", "imu-flip")]
+    [True, False, False]
+    """
     options = dict(spec.options)
     return "object" in options and options["object"] is None and spec.kind != "delay"
 

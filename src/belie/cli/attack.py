@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,10 +36,9 @@ from belie.cli.options import (
     Rate,
     Source,
 )
-from belie.cli.output import Encoding, require_free, write_labels, write_recording
+from belie.cli.output import Encoding, require_free, tell_choices, write_labels, write_recording
 
 if TYPE_CHECKING:
-    from belie.attacks import AttackLabel, Choice
     from belie.bridges.settings import LiveSettings
     from belie.types import Step
 
@@ -161,35 +160,8 @@ def attack(
     tell_damage(recording)
     tell_detections(recording)
     write_labels(sidecar, attacked)
-    _tell_choices(choices, labels)
+    tell_choices(choices, labels)
     print(f"wrote {output} and {sidecar}; now: belie check {output} --labels {sidecar}")
-
-
-def _tell_choices(choices: Sequence[Choice], labels: Sequence[AttackLabel]) -> None:
-    """Which objects were chosen, or that none stays."""
-    for choice, label in zip(choices, labels, strict=True):
-        why = (
-            "as it stays in view"
-            if choice.stays
-            else "as it stays for a while, and none until the attack ends"
-        )
-        for one in choice.objects:
-            width, height = one.size_px
-            print(
-                f"  object {one.track_id} was chosen, {why}: {one.label}, {width}x{height} px in frame "
-                f"{label.start_frame}, told of in frames {one.first_frame} to {one.last_frame}"
-            )
-        if choice.lacks:
-            lacking = (
-                "second object, apart from the first,"
-                if choice.objects
-                else "object with a track id, large enough,"
-            )
-            print(
-                f"belie: warning: {label.text}: no {lacking} stays in view: taken is the largest that is held for a "
-                "second, and a lie about what leaves may pass unseen; name one, or try another start",
-                file=sys.stderr,
-            )
 
 
 def _fit_for_messages(steps: Iterator[Step]) -> Iterator[Step]:

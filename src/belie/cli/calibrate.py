@@ -12,7 +12,6 @@ from belie.cli.detection_warnings import tell_detections
 from belie.cli.options import (
     CameraInfo,
     ConfigFile,
-    Detections,
     DetectorLabels,
     DetectorModel,
     DetectorThreads,
@@ -46,7 +45,14 @@ def calibrate(
     odometry: Odometry = None,
     position: Position = None,
     imu: Imu = None,
-    detections: Detections = None,
+    detections: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--detections",
+            metavar="TOPIC|FILE",
+            help="Object detections: a topic, 'none', or files (see 'belie check'), one for each SOURCE, in order.",
+        ),
+    ] = None,
     detector: DetectorModel = None,
     detector_labels: DetectorLabels = None,
     detector_threads: DetectorThreads = 2,
@@ -64,6 +70,7 @@ def calibrate(
     Examples:
       belie calibrate monday.mcap tuesday.mcap -o belie.toml
       belie calibrate drive.mcap --false-alarms-per-hour 0.01 -o belie.toml
+      belie calibrate 00 01 --detections 00.txt --detections 01.txt -o belie.toml    a file for each
       belie calibrate drive.mcap --profile paper -o paper.toml    the paper's T1 to T3 instead
       belie check other.mcap --config belie.toml
     """  # noqa: D301 (\b keeps the lines of the examples)
@@ -85,11 +92,11 @@ def calibrate(
             odometry=odometry,
             position=position,
             imu=imu,
-            detections=detections,
+            detections=told,
             detection_names=detector_labels,
             rate_hz=rate,
         )
-        for source in sources
+        for source, told in zip(sources, _of_each(detections or [], len(sources)), strict=True)
     ]
     recordings = [
         with_own_detector(recording, detector, detector_labels, detector_threads, remember=True)
@@ -106,6 +113,24 @@ def calibrate(
         ["Settings of belie, made by belie calibrate from:", *(f"  {s}" for s in sources), *words]
     )
     output.write_text(to_toml(found.config, notes=found.notes, header=header), encoding="utf-8")
-    for line in words:
+    for line in [*words, *found.set_words()]:
         print(line)
     print(f"wrote {output}; now: belie check SOURCE --config {output}")
+
+
+def _of_each(detections: list[str], sources: int) -> list[str | None]:
+    """What `--detections` says of each source; a file is about one recording.
+
+    >>> _of_each([], 2), _of_each(["/boxes"], 2), _of_each(["a.csv", "b.csv"], 2)
+    ([None, None], ['/boxes', '/boxes'], ['a.csv', 'b.csv'])
+    """
+    from belie.types import ConfigError
+
+    if len(detections) == sources:
+        return [*detections]
+    if len(detections) > 1 or any(Path(each).is_file() for each in detections):
+        raise ConfigError(
+            f"--detections {' '.join(detections)}: {len(detections)} for {sources} recordings, a file is about one: "
+            "give --detections once for each SOURCE, in their order"
+        )
+    return [next(iter(detections), None)] * sources

@@ -138,7 +138,7 @@ def _print_score(console: Console, run: Run, result: Score) -> None:
         found = Text("hit", style="green") if scored.hit is not None else Text("MISS", style="bold red")
         rows.append((Text(scored.label.text), Text(_attacked(scored.label)), found, Text(delay)))
         reasons.append("" if scored.hit is not None else why_missed(run, scored.label))
-    _print_rows(console, ("attack", "on", "result", "delay"), rows, reasons)
+    _print_rows(console, ("attack", "on", "result", "delay from first lie"), rows, reasons)
     bound = result.false_alerts_per_hour_upper
     known = (
         "" if bound is None else f" in {result.honest_s:.1f} s without attack (at most {bound:.0f}/h, 95 %)"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from belie.attacks import AttackedRecording
+    from belie.attacks import AttackedRecording, AttackLabel, Choice
     from belie.recordings import BodyAxes, GeodeticPoint
     from belie.types import MountedCamera, Step
 
@@ -103,3 +103,30 @@ def write_labels(path: Path, attacked: AttackedRecording) -> None:
         )
     for caution in attacked.cautions:
         print(f"belie: warning: {caution}", file=sys.stderr)
+
+
+def tell_choices(choices: Sequence[Choice], labels: Sequence[AttackLabel]) -> None:
+    """Which objects were chosen, or that none stays."""
+    for choice, label in zip(choices, labels, strict=True):
+        why = (
+            "as it stays in view"
+            if choice.stays
+            else "as it stays for a while, and none until the attack ends"
+        )
+        for one in choice.objects:
+            width, height = one.size_px
+            print(
+                f"  object {one.track_id} was chosen, {why}: {one.label}, {width}x{height} px in frame "
+                f"{label.start_frame}, told of in frames {one.first_frame} to {one.last_frame}"
+            )
+        if choice.lacks:
+            lacking = (
+                "second object, apart from the first,"
+                if choice.objects
+                else "object with a track id, large enough,"
+            )
+            print(
+                f"belie: warning: {label.text}: no {lacking} stays in view: taken is the largest that is held for a "
+                "second, and a lie about what leaves may pass unseen; name one, or try another start",
+                file=sys.stderr,
+            )

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from belie.cli.output import Encoding
+from belie.cli.output import Encoding, tell_choices
 from belie.cli.simulated_files import SimulatedFiles, Watcher
 
 if TYPE_CHECKING:
+    from belie.attacks import Choice
     from belie.simulation.scenario import Scenario
 
 
@@ -70,7 +71,10 @@ def simulate(
     attack: Annotated[
         list[str] | None,
         typer.Option(
-            "--attack", metavar="SPEC", help="As 'belie attack' takes it; may be given several times."
+            "--attack",
+            metavar="SPEC",
+            help="As 'belie attack' takes it; may be given several times. To choose an object that stays, where "
+            "SPEC names none, the drive is rendered once more before (not in a closed loop).",
         ),
     ] = None,
     preview: Annotated[
@@ -166,17 +170,38 @@ def _record(scenario: Scenario, specs: list[str], files: SimulatedFiles) -> None
     from belie.attacks import attack
     from belie.simulation.simulate import SimulatedRecording
 
+    choices = _choices(scenario, specs)
+    chosen = [choice.spec for choice in choices]
     with ExitStack() as stack:
         watcher = Watcher(scenario, files, stack)
         recording = SimulatedRecording(scenario, on_view=watcher)
-        steps = attack(recording, specs).steps() if specs else recording.steps()
+        steps = attack(recording, chosen).steps() if chosen else recording.steps()
         files.write_recording(steps, recording.cameras, scenario)
     watcher.write_truth()
-    if specs:
-        files.write_labels(recording, specs)
+    if chosen:
+        tell_choices(choices, files.write_labels(recording, chosen))
     print(f"wrote {files.recording}; beside it {files.trajectory.name} and {files.objects.name}")
     labels = f" --labels {files.labels}" if specs else ""
     print(f"now: belie check {files.recording}{labels}")
+
+
+def _choices(scenario: Scenario, specs: list[str]) -> list[Choice]:
+    """The attacks, each with an object as `belie attack` chooses it; to know which one stays, the drive is rendered."""
+    from belie.attacks import Choice, attack, choose_objects, parse_attack
+    from belie.attacks.staying import needs_object
+    from belie.checks.objects import ObjectSettings
+    from belie.cli.progress import progress
+    from belie.simulation.simulate import SimulatedRecording
+
+    parsed, recording = [parse_attack(spec) for spec in specs], SimulatedRecording(scenario)
+    if parsed:
+        attack(recording, parsed)  # what makes no sense is refused before anything is rendered
+    if not any(map(needs_object, parsed)):
+        return [Choice(spec=spec) for spec in parsed]
+    with progress("choosing an object", scenario.frame_count) as advance:
+        for _ in recording.steps():
+            advance()
+    return choose_objects(recording.replayed(), parsed, least_px=ObjectSettings().least_side_px)
 
 
 def _drive(scenario: Scenario, specs: list[str], files: SimulatedFiles) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from belie.cli.output import Encoding, require_free, write_labels, write_recording
 
 if TYPE_CHECKING:
+    from belie.attacks import AttackLabel, AttackSpec
     from belie.evaluation.closed_loop import Outcome
     from belie.geometry import SE3
     from belie.simulation.scenario import Scenario
@@ -108,11 +109,13 @@ class SimulatedFiles:
             ),
         )
 
-    def write_labels(self, drive: Replayed, specs: Sequence[str]) -> None:
+    def write_labels(self, drive: Replayed, specs: Sequence[AttackSpec | str]) -> tuple[AttackLabel, ...]:
         """The labels, from the claims that were just simulated: nothing is rendered again."""
         from belie.attacks import attack
 
-        write_labels(self.labels, attack(drive.replayed(), list(specs)))
+        attacked = attack(drive.replayed(), list(specs))
+        write_labels(self.labels, attacked)
+        return tuple(attacked.labels)
 
     def write_outcome(self, specs: Sequence[str], outcomes: Sequence[Outcome]) -> None:
         """How a closed loop ended, as JSON."""

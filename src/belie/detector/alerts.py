@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from belie.types import Alert, AlertType, CheckResult, Status
+from belie.types import AccusedObject, Alert, AlertType, CheckResult, Status
 
 ALERT_OF_CHECK = {
     "odometry": AlertType.ODOMETRY_SPOOFING,
@@ -20,10 +20,11 @@ ALERT_OF_CHECK = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """The result of one check, and since when the lie goes on, where it found one."""
+    """The result of one check, and where it found a lie, since when that goes on and about which object, if any."""
 
     result: CheckResult
     onset_ns: int | None = None
+    accused: AccusedObject | None = None
 
 
 class AlertBook:
@@ -44,6 +45,7 @@ class AlertBook:
         """Alerts for contradictions that did not stand before this frame."""
         now: dict[tuple[AlertType, str, str | None], int] = {}
         because: dict[tuple[AlertType, str, str | None], list[str]] = {}
+        accused: dict[tuple[AlertType, str, str | None], AccusedObject | None] = {}
         undecided: set[tuple[AlertType, str, str | None]] = set()
         for judgement in judgements:
             result = judgement.result
@@ -52,6 +54,7 @@ class AlertBook:
                 onset = stamp_ns if judgement.onset_ns is None else judgement.onset_ns
                 now[key] = min(onset, now.get(key, onset))
                 because.setdefault(key, []).append(result.reason)
+                accused.setdefault(key, judgement.accused)
             elif result.status is Status.UNDECIDED:
                 undecided.add(key)
         alerts = tuple(
@@ -61,6 +64,7 @@ class AlertBook:
                 onset_ns=onset,
                 object=name,
                 because="; ".join(dict.fromkeys(because[kind, source, name])),
+                accused=accused[kind, source, name],
             )
             for (kind, source, name), onset in now.items()
             if (kind, source, name) not in self._standing

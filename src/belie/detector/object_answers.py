@@ -6,8 +6,8 @@ from belie.checks.objects import ErrorTest, Habit
 from belie.detector.alerts import Judgement
 from belie.detector.object_stream import ObjectStream
 from belie.detector.object_track import ObjectTrack
-from belie.geometry import FloatArray
-from belie.types import CheckResult, Status
+from belie.geometry.boxes import edges_px, where_px
+from belie.types import AccusedObject, CheckResult, Status
 
 _LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
 _SILENT = 5.0  # its usual intervals
@@ -43,10 +43,11 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
     explained: list[str] = []
     for track in stream.tracks:
         if track.hiding.accused:
-            accused.append(Judgement(onset_ns=track.hiding.onset_ns, result=CheckResult(
+            about = _accused(track, is_told=False)
+            accused.append(Judgement(onset_ns=track.hiding.onset_ns, accused=about, result=CheckResult(
                 check="hiding", source=stream.source, status=Status.CONTRADICTED,
                 statistic=track.hiding.statistic, threshold=track.hiding.threshold, unit="llr", floor=floor,
-                reason=f"{track.label} {track.name} {_where(track.box_px)} is missing in "
+                reason=f"{track.label} {track.name} {where_px(track.box_px)} is missing in "
                 f"{_share(track.hiding)}, more than its detector is used to miss, but it is still there: "
                 f"{_there(track)}", object=track.name)))  # fmt: skip
         elif track.last_seen_ns < (stream.last_ns or 0) and track.weight >= stream.settings.established:
@@ -77,10 +78,10 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
 def _naming(stream: ObjectStream) -> list[Judgement]:
     floor = _floor(stream, stream.misnamed, "misclassification")
     accused = [
-        Judgement(onset_ns=track.naming.onset_ns, result=CheckResult(
+        Judgement(onset_ns=track.naming.onset_ns, accused=_accused(track), result=CheckResult(
             check="misclassification", source=stream.source, status=Status.CONTRADICTED,
             statistic=track.naming.statistic, threshold=track.naming.threshold, unit="llr", floor=floor,
-            reason=f"{track.label} {track.name} {_where(track.box_px)} is called {track.called} in "
+            reason=f"{track.label} {track.name} {where_px(track.box_px)} is called {track.called} in "
             f"{_share(track.naming)}, but its pixels are the same: {_there(track)}",
             object=track.name))
         for track in stream.tracks if track.naming.accused
@@ -102,13 +103,22 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
 
 
 def _injection(stream: ObjectStream) -> list[Judgement]:
+    phantoms = [track for track in stream.tracks if track.phantom.accused and _was_told(track, stream)]
     accused = [
-        Judgement(onset_ns=track.phantom.since_ns, result=CheckResult(
+        Judgement(onset_ns=track.phantom.since_ns, accused=_accused(track, is_real=False), result=CheckResult(
             check="injection", source=stream.source, status=Status.CONTRADICTED, statistic=track.phantom.statistic,
             threshold=stream.shares.threshold("injection", track), unit="llr", object=track.track_id or track.name,
-            reason=f"{track.label} {track.track_id or track.name} {_where(track.box_px)}: nothing stands there; the "
+            reason=f"{track.label} {track.track_id or track.name} {where_px(track.box_px)}: nothing stands there; the "
             "corners in its box lie on the ground or the wall behind it"))
-        for track in stream.tracks if track.phantom.accused and _is_told(track, stream)
+        for track in phantoms if track.last_seen_ns == stream.last_ns
+    ]  # fmt: skip
+    # Who does not tell of it does not lie; but a few such messages do not end a lie that flickers.
+    accused += [
+        Judgement(result=CheckResult(
+            check="injection", source=stream.source, status=Status.UNDECIDED, statistic=track.phantom.statistic,
+            threshold=stream.shares.threshold("injection", track), unit="llr", object=track.track_id or track.name,
+            reason=f"{track.label} {track.track_id or track.name}, where nothing stood, is not told of at the moment"))
+        for track in phantoms if track.last_seen_ns != stream.last_ns
     ]  # fmt: skip
     if accused:
         return accused
@@ -124,8 +134,18 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
         statistic=worst.phantom.statistic if worst else 0.0, reason=reason))]  # fmt: skip
 
 
-def _is_told(track: ObjectTrack, stream: ObjectStream) -> bool:
-    """Whether the detector still tells of it; a few messages without it do not end a lie that flickers."""
+def _accused(track: ObjectTrack, *, is_real: bool = True, is_told: bool = True) -> AccusedObject:
+    """What an alert tells of an object; `is_real`: it is one, `is_told`: its detector says that it is."""
+    return AccusedObject(
+        label_before=track.label if is_real else None,
+        label_after=track.told_label if is_told else None,
+        id_after=track.told_id or None if is_told else None,
+        box_px=edges_px(track.box_px),
+    )
+
+
+def _was_told(track: ObjectTrack, stream: ObjectStream) -> bool:
+    """Whether the detector told of it lately."""
     return (stream.last_ns or 0) - track.last_seen_ns <= _SILENT * stream.interval_s * 1e9
 
 
@@ -136,10 +156,6 @@ def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
     largest = stream.shares.largest(stream.tracks)
     messages = habit.shortest_run(stream.interval_s, stream.shares.threshold(check, largest))
     return f"{messages * stream.interval_s:.1f} s"
-
-
-def _where(box: FloatArray) -> str:
-    return "at [" + ", ".join(f"{edge:.0f}" for edge in box) + "] px"
 
 
 def _share(test: ErrorTest) -> str:

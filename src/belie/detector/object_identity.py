@@ -48,6 +48,15 @@ def without_doubles(tracks: Sequence[ObjectTrack], told: Sequence[ObjectTrack]) 
     return [track for track in tracks if id(track) in here or not is_double(track)]
 
 
+def stand_ins(tracks: Sequence[ObjectTrack]) -> set[int]:
+    """Numbers of the places that were met under the id of an object that is now accused of being hidden.
+
+    The detector told of them in its stead: whatever is seen there, it was never claimed to be an object of its own.
+    """
+    hidden = {track.track_id: track.number for track in tracks if track.hiding.accused and track.track_id}
+    return {track.number for track in tracks if hidden.get(track.born_id, track.number) < track.number}
+
+
 def make_room(tracks: list[ObjectTrack], side_px: float, settings: ObjectSettings) -> bool:
     """Whether another object can be followed; the smallest unproven one may have to go for a much larger one."""
     if len(tracks) < settings.most_objects:

@@ -12,7 +12,7 @@ from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
 from belie.detector.association import LEAST_OVERLAP, assign, named
 from belie.detector.covering import Covering
 from belie.detector.object_habits import ObjectHabits
-from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
+from belie.detector.object_identity import call_by_ids, make_room, new_name, stand_ins, without_doubles
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import in_view
@@ -65,6 +65,7 @@ class ObjectStream:
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
     _made: int = 0
+    _stand_ins: set[int] = field(default_factory=set)  # numbers of objects
     _gone: deque[Counts] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
@@ -216,6 +217,8 @@ class ObjectStream:
             track = self._meet(told[j][0], boxes[j], claim.stamp_ns)
             track.meet(boxes[j], claim.stamp_ns, frame_ns, half_ns, current.size)
             track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
+        self._stand_ins |= stand_ins(self.tracks)
+        self._stand_ins &= {track.number for track in self.tracks}
         self.shares.weigh(self.tracks)
 
     def _look_through(
@@ -258,8 +261,9 @@ class ObjectStream:
     ) -> None:
         track.miss(current, self.settings, self.scene.frame, covers, cover)
         miss = track.cover.miss(cover) if cover > self.settings.most_covered else 0.0
-        # A box with nothing in it was no object: nobody hides it. And one under a new id may be it.
-        if track.phantom.accused or is_told:
+        # A box with nothing in it, or told in another's stead, was no object: nobody hides it. And one under a new id
+        # may be it.
+        if track.phantom.accused or is_told or track.number in self._stand_ins:
             track.hiding.excuse()
         elif track.figure.may_be_there:
             pass  # such a message tells nothing

@@ -7,7 +7,7 @@ first detection; missing, it lives on at constant velocity while ``e^L < T4`` an
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from belie.checks.paper_objects import hiding_check, misclassification_check, un
 from belie.detector.alerts import Judgement
 from belie.detector.association import assign
 from belie.geometry import SE3, CameraModel, FloatArray
-from belie.geometry.boxes import projected_box_px
+from belie.geometry.boxes import edges_px, projected_box_px, where_px
 from belie.odometry import LocalConsistency, LocalError, LocalMapPoints, motion_over, moved_box_px
-from belie.types import CheckResult, Detection, DetectionClaim, Status
+from belie.types import AccusedObject, CheckResult, Detection, DetectionClaim, Status
 
 _LEAST_SIDE_PX = 4.0
 _NEW = LocalError(reason="it was seen in one frame only, two are needed")
@@ -161,7 +161,7 @@ class PaperObjects:
                 self.source, one.name, one.label, detection.label, one.error.error_px2, one.error.reason,
                 self.thresholds,
             )  # fmt: skip
-            results.append(_judgement(one, result, frame_ns))
+            results.append(_judgement(one, result, frame_ns, detection))
             if result.status is Status.CONSISTENT:
                 one.label = detection.label  # other pixels: another object
         motion = _told_motion(one.seen, detection, stamp_ns - one.seen_ns, self._interval_ns)
@@ -222,10 +222,21 @@ class PaperObjectStage:
         return [j for stream in self.streams.values() for j in stream.update(frame_ns, local)]
 
 
-def _judgement(one: PaperObject, result: CheckResult, frame_ns: int) -> Judgement:
+def _judgement(
+    one: PaperObject, result: CheckResult, frame_ns: int, told: Detection | None = None
+) -> Judgement:
     if result.status is not Status.CONTRADICTED:
         return Judgement(result=result)
-    return Judgement(result=result, onset_ns=one.onset_ns.setdefault(result.check, frame_ns))
+    return Judgement(
+        result=replace(result, reason=f"{result.reason}, {where_px(one.box_px)}"),
+        onset_ns=one.onset_ns.setdefault(result.check, frame_ns),
+        accused=AccusedObject(
+            label_before=one.label,
+            label_after=None if told is None else told.label,
+            id_after=None if told is None else told.track_id or None,
+            box_px=edges_px(one.box_px),
+        ),
+    )
 
 
 def _told_motion(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -34,10 +35,10 @@ class Calibration:
 
     Parameters
     ----------
-    config : Config
-        The settings, calibrated.
+    config, start : Config
+        The settings, calibrated, and those that it started from.
     notes : mapping of str to str
-        How each changed setting was found, by dotted name.
+        How each setting was found, by dotted name.
     learnt_s, held_out_s : float
         Seconds of driving that taught, and that proved.
     largest_ratio : mapping of str to float
@@ -47,6 +48,7 @@ class Calibration:
     """
 
     config: Config
+    start: Config
     notes: Mapping[str, str]
     learnt_s: float
     held_out_s: float
@@ -59,28 +61,41 @@ class Calibration:
         return poisson_upper(0) / (self.learnt_s + self.held_out_s) * 3600.0
 
     def words(self) -> list[str]:
-        """Length of the data, what it proves, and the proof, line by line."""
-        wanted = self.config.sequential.false_alarms_per_hour
+        """What was asked for and what was measured, line by line."""
+        asked = self.start.sequential.false_alarms_per_hour
         seconds = self.learnt_s + self.held_out_s
-        lines = [
+        proof = (
+            f"alone it proves at best one false alarm per {_period(3600.0 / self.provable_per_hour)} (95 %)"
+        )
+        if self.provable_per_hour > asked:
+            hours = poisson_upper(0) / asked
+            proof += "; what was asked for rests on the noise model: "
+            proof += f"to prove it takes {_period(3600.0 * hours)} of driving"
+        return [
             f"Calibrated on {seconds:.0f} s of driving: {self.learnt_s:.0f} s taught, "
             f"{self.held_out_s:.0f} s proved.",
-            f"No alert in {seconds:.0f} s proves at best one false alarm per "
-            f"{_period(3600.0 / self.provable_per_hour)} (95 %); "
-            f"wanted is one per {_period(3600.0 / wanted)}.",
+            f"Asked for: at most one false alarm per {_period(3600.0 / asked)}, all checks together "
+            f"(false_alarms_per_hour = {asked:g}).",
+            f"Measured: no alert in {seconds:.0f} s; {proof}.",
+            *(f"Measured: {line}" for line in self.seen),
+            *(
+                f"Held out: {name} came to {ratio:.2f} of its threshold at most (1 is an alarm)."
+                for name, ratio in self.largest_ratio.items()
+            ),
         ]
-        if self.provable_per_hour > wanted:
-            hours = poisson_upper(0) / wanted
-            lines.append(
-                "The wanted rate rests on the noise model; "
-                f"to prove it takes {_period(3600.0 * hours)} of driving."
-            )
-        lines += self.seen
-        lines += [
-            f"Held out: {name} came to {ratio:.2f} of its threshold at most."
-            for name, ratio in self.largest_ratio.items()
-        ]
+
+    def set_words(self) -> list[str]:
+        """Each setting that was found, what it was before, and why, line by line."""
+        lines = []
+        for name, note in self.notes.items():
+            now, before = (_value(config, name) for config in (self.config, self.start))
+            lines.append(f"Set: {name} = {now:g} (before: {before:g}): {note.removeprefix('calibrated: ')}")
         return lines
+
+
+def _value(config: Config, name: str) -> float:
+    """A number among the settings, by dotted name."""
+    return float(reduce(getattr, name.split("."), config))  # type: ignore[arg-type]
 
 
 def calibrate(
@@ -116,7 +131,7 @@ def calibrate(
     """
     if not recordings:
         raise ValueError("at least one recording is needed")
-    advance = on_frame or (lambda: None)
+    advance, start = on_frame or (lambda: None), config
     parts = [TeachingPart.of(recording) for recording in recordings]
     # What is accused teaches nothing yet: a detector that misses more than is usual is no attacker, but an attack
     # must not excuse itself.
@@ -141,6 +156,7 @@ def calibrate(
         _require_proof(run, part.until_ns)
     return Calibration(
         config=calibrated,
+        start=start,
         notes=notes,
         learnt_s=sum(part.learnt_s for part in parts),
         held_out_s=sum(part.held_out_s for part in parts),

@@ -84,6 +84,17 @@ class Film:
         """Where the message of a shot tells of the track id that is at issue, if not on this object: shape (4,)."""
         return elsewhere_px(self.alert.object, shot.told_id, shot.told_px, shot.box_px)
 
+    @property
+    def alert_shot(self) -> Shot:
+        """The frame of the alert; where no message tells of that one (it came late), the last before that one does."""
+        return self.shots[self._alerted]
+
+    @property
+    def _alerted(self) -> int:
+        stamps, last = [shot.stamp_ns for shot in self.shots], len(self.shots) - 1
+        onset, raised = np.searchsorted(stamps, [self.alert.onset_ns, self.raised_ns or 0]).tolist()
+        return self._with_message(min(raised, last), onset, min(raised, last))
+
     def strip(self) -> list[tuple[Role, Shot]]:
         """About six shots: two before the lie, where it begins, during it, at the alert, and after it.
 
@@ -117,8 +128,7 @@ class Film:
                     (near(last, over, last) if over <= last else -1, "attack over"),
                 ]
             )  # fmt: skip
-        # The alert stays where it was raised, whether by a message or, late, by none.
-        raised = min(int(np.searchsorted(stamps, self.raised_ns or 0)), last)
+        raised = self._alerted
         first: Role = "lie begins" if self.alert.onset_ns >= stamps[0] else "during"
         wanted: list[tuple[int, Role]] = [
             (raised, "alert"), (near(onset, onset, raised), first), *before,

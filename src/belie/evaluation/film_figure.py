@@ -12,9 +12,10 @@ import numpy as np
 from belie.attacks import AttackLabel
 from belie.evaluation import report_words as words
 from belie.evaluation.figures import ALERT, LABEL, QUIET, SEEN, svg
-from belie.evaluation.film import LOST, SIDE_PX, Film, Shot
+from belie.evaluation.film import LOST, SIDE_PX, Film, Role, Shot
 from belie.evaluation.run import Run
 from belie.geometry import FloatArray
+from belie.geometry.boxes import where_px
 from belie.types import AlertType
 
 _GAP_PX = 10
@@ -44,7 +45,7 @@ def film_content(run: Run, film: Film, index: int, labels: Iterable[AttackLabel]
         "shots": [
             {
                 "x": k * (SIDE_PX + _GAP_PX),
-                "when": f"{run.trace.since_start_s([shot.stamp_ns])[0]:.2f} s: {_ROLES.get(role, role)}",
+                "when": _when(run, film, role, shot),
                 "told": _told(film, shot),
                 "is_wrong": _row(film, shot) == "missing",
                 **_drawn(film, shot),
@@ -58,6 +59,15 @@ def film_content(run: Run, film: Film, index: int, labels: Iterable[AttackLabel]
         "is_labelled": bool(own),
         "figure": _figure(run, film, f"film{index}", own),
     }
+
+
+def _when(run: Run, film: Film, role: Role, shot: Shot) -> str:
+    """The time of a picture, and what happens then."""
+    (shown_s,) = run.trace.since_start_s([shot.stamp_ns])
+    what = _ROLES.get(role, role)
+    if role == "alert" and film.raised_ns is not None and shot.stamp_ns != film.raised_ns:
+        what = f"alert (at {run.trace.since_start_s([film.raised_ns])[0]:.2f} s)"
+    return f"{shown_s:.2f} s: {what}"
 
 
 def _is_about(label: AttackLabel, film: Film) -> bool:
@@ -134,17 +144,17 @@ def _words(run: Run, film: Film) -> str:
     name = f"{film.label} {film.alert.object}"
     source = film.alert.source
     alarm = f"The alert was raised at {raised_s:.2f} s.{_born_in_a_lie(run, film)}"
-    at_alert = min(film.shots, key=lambda shot: abs(shot.stamp_ns - raised_ns))
+    at_alert = film.alert_shot
     elsewhere = film.elsewhere_px(at_alert)
     if film.alert.type is AlertType.OBSTACLE_HIDING:
         instead = (
             ""
             if elsewhere is None
             else f" Instead it reports {name}, {words.way(at_alert.box_px, elsewhere)} of it, "
-            f"{words.where(elsewhere)}: the red box, or the red arrow towards it."
+            f"{where_px(elsewhere)}: the red box, or the red arrow towards it."
         )
         return (
-            f"From {onset_s:.2f} s on {source} no longer reports {name} {words.where(at_alert.box_px)}, although it is "
+            f"From {onset_s:.2f} s on {source} no longer reports {name} {where_px(at_alert.box_px)}, although it is "
             f"still in the picture: its corners can be followed from image to image, and they go on moving together."
             f"{instead} {alarm}"
         )

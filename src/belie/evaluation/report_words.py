@@ -15,6 +15,7 @@ from belie.evaluation.snapshots import Snapshot
 from belie.evaluation.trace import CheckTrace
 from belie.evaluation.traced_alert import TracedAlert
 from belie.geometry import FloatArray
+from belie.geometry.boxes import where_px
 from belie.types import AlertType, Status
 
 _ACCUSATIONS = {
@@ -240,16 +241,7 @@ def _object_words(snapshot: Snapshot) -> str:
         else f" Its corners lie {snapshot.displacement_px:.1f} px (median, full image) from where it was expected."
     )
     missing = " The detector reports nothing there." if found.status == "missing" else ""
-    return f"Dashed box: {name} by its own pixels, {where(found.box_px)}.{missing} {told.rstrip()}{apart}"
-
-
-def where(box_px: FloatArray) -> str:
-    """A box of the image.
-
-    >>> where(np.array([1.0, 2.0, 30.4, 40.0]))
-    'at [1, 2, 30, 40] px'
-    """
-    return "at [" + ", ".join(f"{edge:.0f}" for edge in box_px) + "] px"
+    return f"Dashed box: {name} by its own pixels, {where_px(found.box_px)}.{missing} {told.rstrip()}{apart}"
 
 
 def way(from_px: FloatArray, to_px: FloatArray) -> str:

@@ -18,7 +18,7 @@ from belie.detector import ObjectView
 from belie.evaluation.attacked_objects import AttackedObjects
 from belie.evaluation.expected_corners import View
 from belie.evaluation.film import Film, FilmRecorder
-from belie.evaluation.followed import ObjectFollower, accused
+from belie.evaluation.followed import ObjectFollower
 from belie.evaluation.score import RaisedAlert, Score, score
 from belie.evaluation.snapshots import Snapshot, SnapshotRecorder
 from belie.evaluation.told_objects import ToldObjects, ToldObjectsRecorder
@@ -251,8 +251,7 @@ def run_detector(
             trace.add(step, verdict, claimed, seen)
             views = detector.objects
             objects = follower.add(step.frame, step.claims, views)
-            found = [(alert, accused(objects, alert)) for alert in verdict.alerts]
-            alerts.add(verdict, {(a.source, a.object or ""): one.view.label for a, one in found if one})
+            alerts.add(verdict)
             told.hear(step.claims)
             told.see(views, (step.frame.image.shape[1], step.frame.image.shape[0]), step.frame.stamp_ns)
             if pictures:

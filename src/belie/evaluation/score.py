@@ -45,11 +45,11 @@ class LabelScore:
         The attack.
     hit : RaisedAlert or None
         The first alert of the right type on the right source and, where both name one, object; None is a miss.
-    delay_frames : int or None
-        Frames checked since the attack began; 0 is the first attacked frame.
-    delay_ms : float or None
-        From the first message that lies to the stamp of the frame of the alert; never below zero, though that
-        message may be stamped after the frame whose claims it completes.
+    delay_frames, delay_ms : int or None, float or None
+        From the first message that lies (the label's ``onset_ns``; an attacked object may first be told of long after
+        the attack begins) to the frame of the alert: in frames checked, 0 is the one stamped nearest to that message,
+        and to the stamp of the frame. Neither is below zero, though the message may be stamped after the frame whose
+        claims it completes.
     """
 
     label: AttackLabel
@@ -132,7 +132,7 @@ class Score:
         return poisson_upper(len(self.false_alerts), self.confidence) / self.honest_s * 3600.0
 
     def success_within(self, frames: int) -> float | None:
-        """Share of the attacks caught at most `frames` frames after the first attacked one."""
+        """Share of the attacks caught at most `frames` frames after the first that lies."""
         if not self.labels:
             return None
         delays = [scored.delay_frames for scored in self.labels if scored.delay_frames is not None]
@@ -335,9 +335,18 @@ def _label_score(
     return LabelScore(
         label=label,
         hit=hit,
-        delay_frames=sum(start_ns <= stamp_ns < hit.stamp_ns for stamp_ns in stamps_ns),
+        delay_frames=max(0, stamps_ns.index(hit.stamp_ns) - nearest_frame(stamps_ns, label.onset_ns)),
         delay_ms=max(0, hit.stamp_ns - label.onset_ns) / NS_PER_MS,
     )
+
+
+def nearest_frame(stamps_ns: Sequence[int], stamp_ns: int) -> int:
+    """Index of the frame that is stamped nearest.
+
+    >>> nearest_frame([0, 100, 200], 160)
+    2
+    """
+    return min(range(len(stamps_ns)), key=lambda k: abs(stamps_ns[k] - stamp_ns))
 
 
 def _honest_s(stamps_ns: Sequence[int], spans: Sequence[tuple[int, int]]) -> float:

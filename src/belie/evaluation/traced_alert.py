@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from belie.detector.alerts import ALERT_OF_CHECK
@@ -81,8 +80,8 @@ class AlertRecorder:
         self._open: dict[int, _Open] = {}
         self._number = 0
 
-    def add(self, verdict: Verdict, labels: Mapping[tuple[str, str], str] | None = None) -> None:
-        """Take in the verdict on the next frame; `labels`: what each (source, object) is."""
+    def add(self, verdict: Verdict) -> None:
+        """Take in the verdict on the next frame."""
         contradicted = {_key(r): r for r in verdict.checks if r.status is Status.CONTRADICTED}
         undecided = {_key(r) for r in verdict.checks if r.status is Status.UNDECIDED}
         for number, opened in list(self._open.items()):
@@ -97,7 +96,8 @@ class AlertRecorder:
             result = contradicted.get(key)
             check, reason = ("", "") if result is None else (result.check, result.reason)
             reason = alert.because or reason  # which detectors of others do not tell
-            label = (labels or {}).get((alert.source, alert.object or ""), "")
+            about = alert.accused
+            label = "" if about is None else about.label_before or about.label_after or ""
             self._open[self._number] = _Open(key, raised, check, reason, verdict.stamp_ns, label)
             self._number += 1
 

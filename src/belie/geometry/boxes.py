@@ -67,6 +67,25 @@ def clipped_box_px(box_px: FloatArray, model: CameraModel) -> FloatArray | None:
     return clipped if (clipped[2:] > clipped[:2]).all() else None
 
 
+def where_px(box_px: FloatArray) -> str:
+    """A box of the image in words.
+
+    >>> where_px(np.array([1.0, 2.0, 30.4, 40.0]))
+    'at [1, 2, 30, 40] px'
+    """
+    return "at [" + ", ".join(f"{edge:.0f}" for edge in box_px) + "] px"
+
+
+def edges_px(box_px: FloatArray) -> tuple[float, float, float, float]:
+    """The edges of a box as plain numbers.
+
+    >>> edges_px(np.array([1.0, 2.0, 30.5, 40.0]))
+    (1.0, 2.0, 30.5, 40.0)
+    """
+    left, top, right, bottom = box_px.tolist()
+    return left, top, right, bottom
+
+
 def projected_box_px(solid: Solid, model: CameraModel) -> FloatArray | None:
     """The image box of an object in space, clipped to the image: around its eight projected corners.
 

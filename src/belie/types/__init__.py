@@ -18,9 +18,10 @@ from belie.types.estimate import VisualEstimate
 from belie.types.features import Features, Keyframe, MapPoints
 from belie.types.frame import Frame, GrayImage, MountedCamera
 from belie.types.step import Step
-from belie.types.verdict import Alert, AlertType, CheckResult, Status, Verdict
+from belie.types.verdict import AccusedObject, Alert, AlertType, CheckResult, Status, Verdict
 
 __all__ = [
+    "AccusedObject",
     "Alert",
     "AlertType",
     "AmbiguousTopicError",

@@ -69,11 +69,46 @@ class CheckResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AccusedObject:
+    """The object of an alert, in the frame in which the alert is raised.
+
+    Parameters
+    ----------
+    label_before, label_after : str or None
+        What the object is by what its detector told before the lie, and what it is called now: None where nothing is
+        known there (an invented object), or nothing is told of it (a hidden one).
+    id_after : str or None
+        Track id under which it is told of now.
+    box_px : tuple of four floats
+        Where it is: left, top, right, bottom edge; may reach beyond the image.
+
+    Examples
+    --------
+    >>> AccusedObject(label_before="car", box_px=(1.0, 2.04, 3.06, 4.0)).to_json()
+    {'label_before': 'car', 'label_after': None, 'id_after': None, 'box_px': [1.0, 2.0, 3.1, 4.0]}
+    """
+
+    label_before: str | None = None
+    label_after: str | None = None
+    id_after: str | None = None
+    box_px: tuple[float, float, float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """As fields of its alert; edges to a tenth of a pixel."""
+        return {
+            "label_before": self.label_before,
+            "label_after": self.label_after,
+            "id_after": self.id_after,
+            "box_px": [round(edge, 1) for edge in self.box_px],
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Alert:
     """An accusation, raised once: which stream lies, how, and since when.
 
     ``onset_ns`` is our estimate of when the lie began (for a CUSUM: the last time it was zero); ``because``: for a
-    person, what was seen when it was raised.
+    person, what was seen when it was raised; ``accused``: its object, if it is about one and more than a name is known.
     """
 
     type: AlertType
@@ -81,10 +116,16 @@ class Alert:
     onset_ns: int
     object: str | None = None
     because: str = field(default="", compare=False)
+    accused: AccusedObject | None = field(default=None, compare=False)
 
     def to_json(self) -> dict[str, Any]:
-        """The JSON object of the contract (design, section 4)."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        """The JSON object of the contract (design, section 4); alerts about objects have those of `AccusedObject`, too.
+
+        >>> list(Alert(type=AlertType.CAMERA_FAULT, source="/image", onset_ns=5).to_json())
+        ['type', 'source', 'onset_ns', 'object', 'because']
+        """
+        told = {name: getattr(self, name) for name in self.__slots__ if name != "accused"}
+        return told if self.accused is None else {**told, **self.accused.to_json()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

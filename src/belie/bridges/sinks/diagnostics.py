@@ -172,12 +172,14 @@ def alert_status(frame: int, alert: Alert) -> Any:
     'belie: camera_fault /cam'
     """
     about = f" object {alert.object}" if alert.object else ""
+    accused = {} if alert.accused is None else alert.accused.to_json()
     values = [
         ("type", alert.type.value),
         ("source", alert.source),
         ("onset_ns", alert.onset_ns),
         ("object", alert.object),
         ("frame", frame),
+        *accused.items(),
     ]
     text = f"the camera contradicts {alert.source}{about} since {alert.onset_ns / 1e9:.3f} s"
     return status_message(ERROR, f"belie: {alert.type.value} {alert.source}{about}", text, values)

@@ -75,6 +75,9 @@ def _error(alert: Alert) -> dict[str, Any]:
     ]
     if alert.object:
         references.append({"referenceKey": "object", "referenceValue": alert.object})
+    if alert.accused is not None:
+        told = {name: value for name, value in alert.accused.to_json().items() if value is not None}
+        references += [{"referenceKey": name, "referenceValue": str(value)} for name, value in told.items()]
     return {
         "errorType": alert.type.value,
         "errorLevel": "FATAL",

@@ -13,6 +13,7 @@ import numpy as np
 
 from belie.attacks import AttackLabel
 from belie.detector.alerts import ALERT_OF_CHECK
+from belie.evaluation.score import nearest_frame
 from belie.types import Verdict
 
 FACTORS: tuple[float, ...] = tuple(float(f"{x:.3g}") for x in np.geomspace(0.02, 20.0, 31))
@@ -29,7 +30,8 @@ class Exceedances:
     episodes : mapping of str to list of int
         Honest time only: how often the statistics reached factor times threshold.
     delay_frames : mapping of str to list of int or None
-        Of the attack of that kind: frames until its source's statistic did so; None where it did not.
+        Of the attack of that kind: frames from its first lie until its source's statistic did so; None where it did
+        not.
     """
 
     episodes: dict[str, list[int]]
@@ -63,7 +65,8 @@ def exceedances(verdicts: Sequence[Verdict], labels: Sequence[AttackLabel]) -> E
         episodes[kind.value] = rises.tolist()
     delays: dict[str, list[int | None]] = {}
     for label in labels:
-        during = [v for v in verdicts if label.start_ns <= v.stamp_ns <= label.end_ns + 1_000_000_000]
+        first = nearest_frame([v.stamp_ns for v in verdicts], label.onset_ns)
+        during = [v for v in verdicts[first:] if v.stamp_ns <= label.end_ns + 1_000_000_000]
         found = [
             ratio
             for (check, source), ratio in _ratios(during).items()
