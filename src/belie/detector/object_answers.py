@@ -56,7 +56,7 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
             if fair:
                 # Where its pixels have told that it is not there to be seen, there is no doubt; but what was
                 # accused a moment ago is not acquitted by what passes before it.
-                undecided = fair.startswith(("too few", "fading")) or track.was_accused
+                undecided = fair.startswith(("too few", "fading")) or track.accused_ns is not None
                 (doubtful if undecided else explained).append(
                     f"{track.label} {track.name} is missing: {fair}"
                 )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from itertools import compress
 
 import numpy as np
 
-from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
+from belie.checks.objects import ErrorTest, Habit, ObjectSettings
 from belie.detector.association import LEAST_OVERLAP, assign, named
 from belie.detector.covering import Covering
 from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
+from belie.detector.object_memory import ObjectMemory, end_misses, note_cut_off
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack, in_view
 from belie.detector.scene_witness import SceneWitness
@@ -22,10 +22,7 @@ from belie.odometry.local_features import ImageStack
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
-_REMEMBERED = 1000  # objects that are gone
-_FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
-_MOST_MESSAGES = 1000  # for which an object is kept that is not told of
 _STEPS = 9  # messages from which their rate is told
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
@@ -61,8 +58,8 @@ class ObjectStream:
     missed: Habit = field(init=False)
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
+    memory: ObjectMemory = field(init=False)
     _made: int = 0
-    _gone: deque[Counts] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
@@ -80,6 +77,7 @@ class ObjectStream:
             for rate in (s.miss_rate, s.confusion_rate)
         )
         self.shares = ObjectShares(self.false_alarms_per_hour, self.camera.width, s)
+        self.memory = ObjectMemory(s, self.shares)
 
     # -- images --------------------------------------------------------------------------------------
 
@@ -93,10 +91,7 @@ class ObjectStream:
         turns_px = self._turns_px(R_cur_prev)
         for track, turn_px in zip(self.tracks, turns_px, strict=True):
             track.follow(previous, current, stamp_ns, self.tracking, turn_px)
-        lost = [self._is_lost(track, stamp_ns, current.size) for track in self.tracks]
-        for track in compress(self.tracks, lost):
-            self._gone.append(track.hiding.own)
-        self.tracks = [track for track, is_lost in zip(self.tracks, lost, strict=True) if not is_lost]
+        self.tracks = self.memory.kept(self.tracks, stamp_ns, self.interval_s, current.size)
         self.shares.weigh(self.tracks)
 
     def _turns_px(self, R_cur_prev: FloatArray | None) -> FloatArray:
@@ -113,24 +108,6 @@ class ObjectStream:
         known = np.linalg.norm(self.camera.project(rays) - middles, axis=1) < 1.0
         known &= (turned[:, 2] > 0.0) & np.isfinite(shifts).all(axis=1)
         return np.where(known[:, None], shifts, 0.0)
-
-    def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
-        if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
-            return True
-        untold_ns, least_ns = stamp_ns - track.last_seen_ns, max(_FORGET_NS, int(3e9 * self.interval_s))
-        if untold_ns <= least_ns:
-            return False
-        # A slow detector needs as long to be accused of it.
-        first, each = track.hiding.steps(max(self.interval_s, 1e-3), root_area(track.box_px))
-        further = max(self.shares.threshold("hiding", track) - first, 0.0) / each
-        messages = min(2.0 + further, _MOST_MESSAGES)
-        longest_ns = max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
-        is_suspected = track.hiding.accused or track.was_accused
-        is_suspected |= track.hiding.errors > 0 and untold_ns <= longest_ns
-        silent_ns = min(untold_ns, stamp_ns - track.last_found_ns) if is_suspected else untold_ns
-        if silent_ns <= least_ns:
-            return False
-        return bool(track.absence(size, self.settings)) or silent_ns > longest_ns
 
     def pass_over(self, until_ns: int) -> None:
         """The image is not fit to judge by: what is told of it, now or later, tells nothing."""
@@ -198,7 +175,7 @@ class ObjectStream:
             self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
-        here = [self.tracks[i] for i in found]
+        here, before = [self.tracks[i] for i in found], list(self.tracks)
         call_by_ids(here, {self.tracks[i].name for i in lost})
         self.tracks = without_doubles([track for track in self.tracks if track.retold < _RETOLD], here)
         unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
@@ -209,6 +186,8 @@ class ObjectStream:
             track = self._meet(told[j][0], boxes[j], claim.stamp_ns)
             track.meet(boxes[j], claim.stamp_ns, frame_ns, half_ns, current.size)
             track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
+        kept = {id(track) for track in self.tracks}
+        self.memory.drop(track for track in before if id(track) not in kept)
         self.shares.weigh(self.tracks)
 
     def _look_through(
@@ -223,11 +202,7 @@ class ObjectStream:
 
     def habits(self) -> ObjectHabits:
         """How often this detector was seen to err, and for how long."""
-        now = [track.hiding.own for track in self.tracks]
-        return ObjectHabits(
-            interval_s=max(self.interval_s, 1e-3), missed=self.missed.stream, misnamed=self.misnamed.stream,
-            objects=(*self._gone, *now), steps=tuple(self.missed.steps),
-        )  # fmt: skip
+        return self.memory.habits(self.interval_s, self.missed, self.misnamed, self.tracks)
 
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
@@ -254,11 +229,11 @@ class ObjectStream:
         # A box with nothing in it was no object: nobody hides it. And one under a new id may be it.
         if track.phantom.accused or is_told:
             track.hiding.excuse()
-        elif track.absence(current.size, self.settings, by_boxes=False):
-            track.was_accused = track.was_accused or track.hiding.accused
-            track.hiding.excuse()
+        elif fair := track.absence(current.size, self.settings, by_boxes=False):
+            end_misses(track, fair)
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
+            note_cut_off(track, current.size)
             track.hiding.wrong(
                 self.interval_s,
                 self.shares.threshold("hiding", track),
@@ -266,6 +241,8 @@ class ObjectStream:
                 root_area(track.box_px),
                 covered=miss,
             )
+            if track.hiding.accused or track.accused_ns is not None:
+                track.accused_ns = stamp_ns
 
     def _present(
         self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
@@ -279,7 +256,7 @@ class ObjectStream:
         vote = _weight(detection.score) * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
-        track.was_accused = False
+        track.accused_ns = None
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""

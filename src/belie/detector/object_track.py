@@ -65,7 +65,9 @@ class ObjectTrack:
     contrast_then: float = 0.0
     last_seen_ns: int = 0
     last_found_ns: int = 0
-    was_accused: bool = False  # since it was last told of: of being hidden
+    accused_ns: int | None = (
+        None  # last message in which its pixels bore out that it is hidden, if that is alleged
+    )
     looked_frame: int = -1  # frame count when the scene last told what is in its box
     motion: LocalMotion | None = None
     view: View | None = None
@@ -87,6 +89,7 @@ class ObjectTrack:
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
     placed_ns: int = 0  # stamp from which on it is known where it was
+    cut_off: int = 0  # messages in a row that missed it while the image's border cut it off
     retold: int = 0  # messages in a row in which a box under a new id may be it
     told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
@@ -307,10 +310,12 @@ class ObjectTrack:
         """It was not told of: corners that move as those that spoke for it till now speak for it, too.
 
         Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them. Not
-        where `cover`, the share of its box that others may hide, is large, or was: most of its box shows other things.
+        where most are lost at once, or where `cover`, the share of its box that others may hide, is large, or was:
+        most of its box shows other things.
         """
         self.covers = covers
-        if self.proven >= LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
+        least = max(LEAST_CORNERS, settings.least_present * self.corners_then)
+        if self.proven >= least and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
