@@ -10,6 +10,7 @@ import numpy as np
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings
 from belie.detector.association import LEAST_OVERLAP, assign, named
 from belie.detector.covering import Covering
+from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, without_doubles
 from belie.detector.object_memory import ObjectMemory, end_misses, note_cut_off
@@ -59,6 +60,7 @@ class ObjectStream:
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
     memory: ObjectMemory = field(init=False)
+    edges: EdgeNoise = field(default_factory=EdgeNoise)
     _made: int = 0
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
@@ -326,6 +328,7 @@ class ObjectStream:
             box_px=box,
             hiding=ErrorTest(self.missed),
             naming=ErrorTest(self.misnamed),
+            edges=self.edges,
             number=self._made,
             met_ns=stamp_ns,
             born_id=detection.track_id,
