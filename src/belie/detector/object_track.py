@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
-from belie.detector.edge_noise import EdgeNoise
+from belie.detector.edge_noise import BoxSteps, EdgeNoise
 from belie.detector.likeness import Likeness
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
@@ -57,6 +57,7 @@ class ObjectTrack:
     born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
     phantom: PhantomTest = field(default_factory=PhantomTest)  # whether the box shows the background
     edges: EdgeNoise = field(default_factory=EdgeNoise)  # of its detector
+    steps: BoxSteps = field(default_factory=BoxSteps)
     detections: int = 0
     weight: float = 0.0  # of all detections
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels

@@ -119,10 +119,11 @@ class SceneWitness:
         That the scene passes through the box, and that its corners lie on the ground or the wall.
         """
         self._learn_noise(track)
+        steady_px = self._without_jump(track)
         if not self._has_moved or len(self._poses) < 2:
             return None, None
         depths = self._depths(track)
-        return self._passing(track, depths), self._lying(track, depths)
+        return self._passing(track, steady_px, depths), self._lying(track, depths)
 
     def _learn_noise(self, track: ObjectTrack) -> None:
         """Hold the edges of a told box against where the pixels say that they should be."""
@@ -131,6 +132,35 @@ class SceneWitness:
             return
         error = np.abs(told - motion.box_px) / np.tile(told[2:] - told[:2], 2)
         track.edges.learn(error[~self._cut(told, track.edges)])
+
+    def _without_jump(self, track: ObjectTrack) -> FloatArray | None:
+        """Its told box, but for a jump against its pixels; its corners are held against the box without from then on.
+
+        A jump shifts all of them in the box at once, as a scene would that passes through it; but that goes on.
+        """
+        told, motion = track.carried_px, track.motion
+        if told is None or track.told_before is None or motion is None or motion.error_px2 is None:
+            return told  # where its pixels went is not known
+        then, before = track.told_before
+        frames = self.frame - then
+        if not 0 < frames < len(track.history):
+            return told
+        moved = motion.box_px - track.history[-1 - frames][1]
+        size = np.tile(told[2:] - told[:2], 2)
+        excess = track.steps.excess((told - before - moved) / size)
+        jumps = (np.abs(excess) > _SIGMAS * track.edges.deviation) & ~self._cut(told, track.edges)
+        older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
+        if not jumps.any() or not older.any():
+            return told
+        steady = told - np.where(jumps, excess, 0.0) * size
+        places = places_in(told, track.corners_px)
+        off = places - places_in(steady, track.corners_px)
+        strays = places - track.born_places
+        with_jump, without = (np.median(np.abs(each[older]).max(axis=1)) for each in (strays, strays - off))
+        if without >= with_jump:
+            return told  # it is the pixels that were lost
+        track.born_places[older] += off[older]
+        return np.asarray(steady)
 
     def _cut(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
         """Which edges, left, top, right, bottom, may be the image's border instead of the object's."""
@@ -152,14 +182,14 @@ class SceneWitness:
         typical = float(np.median(np.abs(rho))) if len(rho) else 0.0
         return float(np.linalg.norm(estimate.T_prev_cur.t)) * typical * self.camera.fx
 
-    def _passing(self, track: ObjectTrack, depths: _Depths) -> float | None:
-        """Whether the still scene passes through the box."""
+    def _passing(self, track: ObjectTrack, steady_px: FloatArray | None, depths: _Depths) -> float | None:
+        """Whether the still scene passes through the box; `steady_px`: the told one, but for a jump."""
         told = track.carried_px
         if told is None or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
             return None
         corners = self._own_corners(track, told, depths)
-        if track.told_before is not None:
-            of_scene = self._scene_corners(told, *track.told_before, track.edges)
+        if track.told_before is not None and steady_px is not None:
+            of_scene = self._scene_corners(steady_px, *track.told_before, track.edges)
             corners = corners if of_scene is None else corners.joined(of_scene)
         least = max(_RIDES, _SIGMAS * track.edges.deviation)
         strays = np.abs(corners.strays * self._is_whole(told, track.edges)).max(axis=1, initial=0.0)
