@@ -108,6 +108,28 @@ def test_an_accused_run_is_not_learned_and_one_that_ended_is():
     assert ended.own.begun + ended.own.lasted == pytest.approx(before[0] + before[1] + 2.0, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "doubtful", "begun", "lasted", "chances"),
+    [
+        ("xxx", 0, 1, 2, 2),
+        ("xxx", 1, 1, 1, 1),
+        ("xxx", 3, 0, 0, 0),
+        ("x.xx", 9, 1, 0, 1),
+        ("xx.", 5, 1, 1, 2),
+    ],
+)
+def test_errors_that_nobody_saw_end_lasted_at_least_so_long(pattern, doubtful, begun, lasted, chances):
+    test = fresh_test()
+    known = test.own.begun, test.own.lasted, test.own.chances
+    assert told_of(pattern, test) is None
+    steps = len(test.unlearned(doubtful)[1])
+    test.conclude(doubtful)
+    learnt = test.own.begun, test.own.lasted, test.own.chances
+    assert np.subtract(learnt, known) == pytest.approx([begun, lasted, chances], abs=0.05)
+    assert steps == chances
+    assert test.errors == 0
+
+
 def test_an_accusation_outlasts_one_message_and_ends_with_the_next():
     test = fresh_test()
     assert told_of("xxxxxxxxxxxx", test) is not None

@@ -304,3 +304,48 @@ def test_a_phantom_that_is_not_told_of_is_no_lie_of_that_message(monkeypatch):
         k for k, answers in enumerate(watch.answers) if answers["injection"].status is Status.CONTRADICTED
     ]
     assert lies == [*range(lies[0], 20), *range(22, 25)]
+
+
+@pytest.mark.parametrize("every", [(1, 5), (1, 10), (5, 1)])
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_a_rate_of_messages_that_changes_is_no_attack(every, speed):
+    """From 10 Hz to 2 or 1 Hz and the other way; one message in seven misses the object."""
+    watch, scene, before = Watch(), Scene(speed=speed), 60
+    for k in range(130):
+        messages, n = [], every[k >= before]
+        if k % n == 0:
+            found = [told(watch.near(scene.box(k)))] if (k // n) % 7 != 6 else []
+            messages = [message(k * FRAME_NS, *found)]
+        watch.step(k, scene.image(k), *messages)
+    assert watch.alerts == []
+    assert len(watch.stream.tracks) == 1
+
+
+@pytest.mark.parametrize("ids", [("7", "7"), ("7", "31"), ("", "")])
+@pytest.mark.parametrize("every", [1, 3])
+def test_two_detectors_that_tell_of_the_same_object_are_judged_each_by_itself(ids, every):
+    """Each has boxes, names, errors and a rate of its own; one of them then hides the object."""
+    watch, scene = Watch(), Scene(speed=1.0)
+    raised = []
+    for k in range(60):
+        stamp_ns, box = k * FRAME_NS, scene.box(k)
+        first = [told(watch.near(box), ids[0])] if k % 9 != 8 else []
+        swung = told(watch.near(box, 4.0), ids[1], "truck")
+        claims = [
+            DetectionClaim(source="/first", stamp_ns=stamp_ns, received_ns=stamp_ns, detections=tuple(first))
+        ]
+        if k % every == 0:
+            second = (swung,) if k < 30 else ()
+            claims.append(
+                DetectionClaim(source="/second", stamp_ns=stamp_ns, received_ns=stamp_ns, detections=second)
+            )
+        watch.stage.take(tuple(claims), stamp_ns)
+        frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=scene.image(k))
+        raised += [
+            (k, a.type.value, a.source) for a in watch.book.raise_new(watch.stage.update(frame), stamp_ns)
+        ]
+        assert k >= 30 or not raised
+    assert [alert[1:] for alert in raised] == [("obstacle_hiding", "/second")]
+    first, second = (watch.stage.streams[source] for source in ("/first", "/second"))
+    assert {id(track.edges) for track in second.tracks} == {id(second.edges)}
+    assert second.edges is not first.edges

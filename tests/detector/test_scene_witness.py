@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from belie.checks.objects import ErrorTest, Habit
+from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import places_in
 from belie.detector.scene_witness import SceneWitness
@@ -136,20 +137,50 @@ def test_an_edge_at_the_image_border_is_no_place_to_hold_corners_against():
     assert passing(witness, track) is None
 
 
-@pytest.mark.parametrize(("jitter", "passes"), [(0.03, True), (0.1, False)])
-def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitter, passes):
-    witness = watched(still_scene(), shown=still_scene(wall=False))
+@pytest.mark.parametrize(
+    ("jitter", "own", "passes"), [(0.03, True, True), (0.1, True, False), (0.1, False, True)]
+)
+def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitter, own, passes):
+    """Nor does it shield another detector's: each stream learns its own."""
+    witness, edges = watched(still_scene(), shown=still_scene(wall=False)), EdgeNoise()
     rng = np.random.default_rng(6)
     for _ in range(60):
         told = HIGH + jitter * rng.normal(size=4) * np.tile(HIGH[2:] - HIGH[:2], 2)
         honest = track_of(told)
-        honest.motion = type("Motion", (), {"box_px": HIGH})()
+        honest.motion, honest.edges = type("Motion", (), {"box_px": HIGH})(), edges
         witness.evidence(honest)
     track = track_of(HIGH)
+    track.edges = edges if own else EdgeNoise()
     with_corners(witness, track, on_wall(HIGH, 20.0, 4), born=4, box_then=HIGH, told=HIGH)
     strayed = np.abs(places_in(HIGH, track.corners_px) - track.born_places).max(axis=1)
     assert ((strayed > 0.25) & (strayed < 0.4)).all()
     assert (passing(witness, track) is not None) == passes
+
+
+@pytest.mark.parametrize("stands_there", [True, False])
+def test_a_box_that_jumps_off_its_object_once_is_no_phantom(stands_there):
+    """It jumps by a third of its side, and stays there; through a phantom the scene passes in every message."""
+    scene, points = still_scene(wall=False), on_wall(HIGH, 24.0, 1, 8)
+    edges = np.column_stack([CAMERA.normalize(HIGH.reshape(2, 2)), np.ones(2)]) * 23.0
+    # Where the pixels that are in its box in frame 1 have gone.
+    gone = [CAMERA.project(edges - [0.0, 0.0, k - 1.0]).ravel() for k in range(9)]
+    witness, track, found, told = SceneWitness(CAMERA), track_of(HIGH), [], HIGH
+    for k in range(1, 9):
+        witness.move(estimate(), scene_of(moved(scene, k)))
+        track.told_before = (k - 1, told) if k > 1 else None
+        told = HIGH
+        if stands_there:
+            told = gone[k] + 0.33 * (k >= 5) * (gone[k][2] - gone[k][0]) * np.array([1.0, 0.0, 1.0, 0.0])
+        if k == 1:
+            with_corners(witness, track, points, born=1, box_then=told, told=told)
+            track.history.clear()
+        track.corners_px, track.told_px, track.carried_px = CAMERA.project(moved(points, k)), told, told
+        expected = gone[k] if stands_there else HIGH + gone[k] - gone[k - 1]
+        track.motion = type("Motion", (), {"box_px": expected, "error_px2": 1.0})()
+        track.history.append((k, gone[k] if stands_there else HIGH))
+        found.append(passing(witness, track))
+    passed = [evidence for evidence in found[4:] if evidence is not None and evidence > 0.0]
+    assert bool(passed) is not stands_there
 
 
 def test_where_the_camera_is_lost_nothing_is_told():

@@ -56,13 +56,13 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
                 fair = "covered by another detection, and never told of while it was"
             if not fair and track.hiding.is_open:
                 doubtful.append(
-                    f"{track.label} {track.name} is missing in {_share(track.hiding)}: what goes along its path, before "
-                    "the background, does not tell whether it is the same"
+                    f"{track.label} {track.name} is missing in {_share(track.hiding)}: what goes along its path, "
+                    "before the background, does not tell whether it is the same"
                 )
             if fair:
                 # Where its pixels have told that it is not there to be seen, there is no doubt; but what was
                 # accused a moment ago is not acquitted by what passes before it.
-                undecided = fair.startswith(("too few", "fading")) or track.was_accused
+                undecided = fair.startswith(("too few", "fading")) or track.accused_ns is not None
                 (doubtful if undecided else explained).append(
                     f"{track.label} {track.name} is missing: {fair}"
                 )
@@ -170,13 +170,12 @@ def _share(test: ErrorTest) -> str:
 def _there(track: ObjectTrack) -> str:
     error = track.motion.error_px2 if track.motion is not None else None
     fit = "" if error is None else f", within {error:.2g} px² (e^L)"
-    figure = track.figure
+    figure, likeness = track.looks.figure, track.looks.picture
     if track.is_soft and figure.vouches:
         return (
             "what it differs in from the background is the same "
             f"(correlation {figure.score:.2f}, {figure.beside:.2f} beside it)"
         )
-    if track.is_soft and track.likeness.evidence > 0.0:
-        likeness = track.likeness
+    if track.is_soft and likeness.evidence > 0.0:
         return f"its picture is the same (correlation {likeness.score:.2f}, {likeness.beside:.2f} beside it)"
     return f"{track.proven} corners on it still move together{fit}"

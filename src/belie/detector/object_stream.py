@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from itertools import compress
 
 import numpy as np
 
-from belie.checks.objects import Counts, ErrorTest, Habit, ObjectSettings
+from belie.checks.objects import ErrorTest, Habit, ObjectSettings
 from belie.detector.association import LEAST_OVERLAP, assign, named
 from belie.detector.covering import Covering
+from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_habits import ObjectHabits
 from belie.detector.object_identity import call_by_ids, make_room, new_name, stand_ins, without_doubles
+from belie.detector.object_memory import ObjectMemory, end_misses, note_cut_off
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import in_view
@@ -24,10 +25,7 @@ from belie.odometry.still_background import StillBackground, without_boxes
 from belie.odometry.tracking import TrackingSettings
 from belie.types import Detection, DetectionClaim
 
-_REMEMBERED = 1000  # objects that are gone
-_FORGET_NS = 1_000_000_000  # an object that neither a message nor its pixels have told of for so long is gone
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
-_MOST_MESSAGES = 1000  # for which an object is kept that is not told of
 _STEPS = 9  # messages from which their rate is told
 _HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
@@ -64,9 +62,10 @@ class ObjectStream:
     missed: Habit = field(init=False)
     misnamed: Habit = field(init=False)
     shares: ObjectShares = field(init=False)
+    memory: ObjectMemory = field(init=False)
+    edges: EdgeNoise = field(default_factory=EdgeNoise)
     _made: int = 0
     _stand_ins: set[int] = field(default_factory=set)  # numbers of objects
-    _gone: deque[Counts] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
 
     def __post_init__(self) -> None:
@@ -84,6 +83,7 @@ class ObjectStream:
             for rate in (s.miss_rate, s.confusion_rate)
         )
         self.shares = ObjectShares(self.false_alarms_per_hour, self.camera.width, s)
+        self.memory = ObjectMemory(s, self.shares)
 
     # -- images --------------------------------------------------------------------------------------
 
@@ -97,10 +97,7 @@ class ObjectStream:
         turns_px = self._turns_px(R_cur_prev)
         for track, turn_px in zip(self.tracks, turns_px, strict=True):
             track.follow(previous, current, stamp_ns, self.tracking, turn_px)
-        lost = [self._is_lost(track, stamp_ns, current.size) for track in self.tracks]
-        for track in compress(self.tracks, lost):
-            self._gone.append(track.hiding.own)
-        self.tracks = [track for track, is_lost in zip(self.tracks, lost, strict=True) if not is_lost]
+        self.tracks = self.memory.kept(self.tracks, stamp_ns, self.interval_s, current.size)
         self.shares.weigh(self.tracks)
 
     def _turns_px(self, R_cur_prev: FloatArray | None) -> FloatArray:
@@ -117,24 +114,6 @@ class ObjectStream:
         known = np.linalg.norm(self.camera.project(rays) - middles, axis=1) < 1.0
         known &= (turned[:, 2] > 0.0) & np.isfinite(shifts).all(axis=1)
         return np.where(known[:, None], shifts, 0.0)
-
-    def _is_lost(self, track: ObjectTrack, stamp_ns: int, size: tuple[int, int]) -> bool:
-        if in_view(track.box_px, size) <= 0.1 or not np.isfinite(track.box_px).all():
-            return True
-        untold_ns, least_ns = stamp_ns - track.last_seen_ns, max(_FORGET_NS, int(3e9 * self.interval_s))
-        if untold_ns <= least_ns:
-            return False
-        # A slow detector needs as long to be accused of it.
-        first, each = track.hiding.steps(max(self.interval_s, 1e-3), root_area(track.box_px))
-        further = max(self.shares.threshold("hiding", track) - first, 0.0) / each
-        messages = min(2.0 + further, _MOST_MESSAGES)
-        longest_ns = max(5 * _FORGET_NS, int(1e9 * messages * self.interval_s))
-        is_suspected = track.hiding.accused or track.was_accused
-        is_suspected |= track.hiding.errors > 0 and untold_ns <= longest_ns
-        silent_ns = min(untold_ns, stamp_ns - track.last_found_ns) if is_suspected else untold_ns
-        if silent_ns <= least_ns:
-            return False
-        return bool(track.absence(size, self.settings)) or silent_ns > longest_ns
 
     def pass_over(self, until_ns: int) -> None:
         """The image is not fit to judge by: what is told of it, now or later, tells nothing."""
@@ -206,7 +185,7 @@ class ObjectStream:
             self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
-        here = [self.tracks[i] for i in found]
+        here, before = [self.tracks[i] for i in found], list(self.tracks)
         call_by_ids(here, {self.tracks[i].name for i in lost})
         self.tracks = without_doubles([track for track in self.tracks if track.retold < _RETOLD], here)
         unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
@@ -219,6 +198,8 @@ class ObjectStream:
             track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
         self._stand_ins |= stand_ins(self.tracks)
         self._stand_ins &= {track.number for track in self.tracks}
+        kept = {id(track) for track in self.tracks}
+        self.memory.drop(track for track in before if id(track) not in kept)
         self.shares.weigh(self.tracks)
 
     def _look_through(
@@ -233,11 +214,7 @@ class ObjectStream:
 
     def habits(self) -> ObjectHabits:
         """How often this detector was seen to err, and for how long."""
-        now = [track.hiding.own for track in self.tracks]
-        return ObjectHabits(
-            interval_s=max(self.interval_s, 1e-3), missed=self.missed.stream, misnamed=self.misnamed.stream,
-            objects=(*self._gone, *now), steps=tuple(self.missed.steps),
-        )  # fmt: skip
+        return self.memory.habits(self.interval_s, self.missed, self.misnamed, self.tracks)
 
     def _box(self, detection: Detection) -> FloatArray | None:
         box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
@@ -265,21 +242,23 @@ class ObjectStream:
         # may be it.
         if track.phantom.accused or is_told or track.number in self._stand_ins:
             track.hiding.excuse()
-        elif track.figure.may_be_there:
+        elif track.looks.figure.may_be_there:
             pass  # such a message tells nothing
-        elif track.absence(current.size, self.settings, by_boxes=False):
-            track.was_accused = track.was_accused or track.hiding.accused
-            track.hiding.excuse()
+        elif fair := track.absence(current.size, self.settings, by_boxes=False):
+            end_misses(track, fair)
         elif miss is not None and not track.absence(current.size, self.settings):
             # Otherwise this message tells nothing: a box that may cover it is no proof that it has gone.
+            note_cut_off(track, current.size)
             track.hiding.wrong(
                 self.interval_s,
                 self.shares.threshold("hiding", track),
                 stamp_ns,
                 root_area(track.box_px),
                 covered=miss,
-                vouched=track.figure.vouches or not track.figure.is_there,
+                vouched=track.looks.figure.vouches or not track.looks.figure.is_there,
             )
+            if track.hiding.accused or track.accused_ns is not None:
+                track.accused_ns = stamp_ns
 
     def _present(
         self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
@@ -293,7 +272,7 @@ class ObjectStream:
         vote = _weight(detection.score) * _sight(box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
-        track.was_accused = False
+        track.accused_ns = None
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
@@ -301,9 +280,10 @@ class ObjectStream:
             fair = track.absence(current.size, s)
             soft = track.is_soft and (not fair or fair.startswith(_BY_CORNERS))
             if soft:
-                track.look_at(current, self.background.difference(), box, stamp_ns)
-                fair = "" if track.looks_the_same else fair
-            if track.looks_different or (fair and not soft):
+                where = box + track.box_px - track.box_at(stamp_ns)
+                track.looks.look_at(current, self.background.difference(), where)
+                fair = "" if track.looks.are_the_same else fair
+            if track.looks.differ or (fair and not soft):
                 track.naming.excuse()
             else:
                 track.is_swapped = not misnamed
@@ -323,9 +303,7 @@ class ObjectStream:
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame, covers)
         if track.is_soft and not track.naming.errors:
-            track.likeness.learn(current, track.box_px)
-            if (difference := self.background.difference()) is not None:
-                track.figure.learn(difference, track.box_px)
+            track.looks.learn(current, self.background.difference(), track.box_px)
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""
@@ -365,6 +343,7 @@ class ObjectStream:
             box_px=box,
             hiding=ErrorTest(self.missed),
             naming=ErrorTest(self.misnamed),
+            edges=self.edges,
             number=self._made,
             met_ns=stamp_ns,
             born_id=detection.track_id,

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
 from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
-from belie.detector.figure import Figure
-from belie.detector.likeness import Likeness
+from belie.detector.edge_noise import BoxSteps, EdgeNoise
+from belie.detector.looks import Looks
 from belie.detector.places import in_view, places_in
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
@@ -57,6 +57,8 @@ class ObjectTrack:
     born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
     born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
     phantom: PhantomTest = field(default_factory=PhantomTest)  # whether the box shows the background
+    edges: EdgeNoise = field(default_factory=EdgeNoise)  # of its detector
+    steps: BoxSteps = field(default_factory=BoxSteps)
     detections: int = 0
     weight: float = 0.0  # of all detections
     votes: dict[str, float] = field(default_factory=dict)  # weight by group of labels
@@ -67,7 +69,9 @@ class ObjectTrack:
     contrast_then: float = 0.0
     last_seen_ns: int = 0
     last_found_ns: int = 0
-    was_accused: bool = False  # since it was last told of: of being hidden
+    accused_ns: int | None = (
+        None  # last message in which its pixels bore out that it is hidden, if that is alleged
+    )
     looked_frame: int = -1  # frame count when the scene last told what is in its box
     motion: LocalMotion | None = None
     view: View | None = None
@@ -89,14 +93,14 @@ class ObjectTrack:
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
     carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
     placed_ns: int = 0  # stamp from which on it is known where it was
+    cut_off: int = 0  # messages in a row that missed it while the image's border cut it off
     retold: int = 0  # messages in a row in which a box under a new id may be it
     told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
     told_id: str = ""
     told_middle: FloatArray | None = None  # of the last detected box
     speed_px_s: FloatArray | None = None  # of the detected boxes
-    likeness: Likeness = field(default_factory=Likeness)
-    figure: Figure = field(default_factory=Figure)  # before a standing camera
+    looks: Looks = field(default_factory=Looks)
     # Its shift by the camera's rotation: up to each frame of its history, and to that of the last detected box.
     turns_px: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     told_turn_px: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -243,7 +247,7 @@ class ObjectTrack:
         for k, border in enumerate((0.0, 0.0, *size)):
             is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
             correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
-        self.figure.meet((box_then_px - self.box_at(stamp_ns)).reshape(2, 2).mean(axis=0), box_then_px)
+        self.looks.figure.meet((box_then_px - self.box_at(stamp_ns)).reshape(2, 2).mean(axis=0), box_then_px)
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
@@ -311,10 +315,12 @@ class ObjectTrack:
         """It was not told of: corners that move as those that spoke for it till now speak for it, too.
 
         Corners are lost as their object turns, comes nearer or fades; without new ones it would be lost with them. Not
-        where `cover`, the share of its box that others may hide, is large, or was: most of its box shows other things.
+        where most are lost at once, or where `cover`, the share of its box that others may hide, is large, or was:
+        most of its box shows other things.
         """
         self.covers = covers
-        if self.proven >= LEAST_CORNERS and max(cover, self.hidden_then) <= settings.most_covered:
+        least = max(LEAST_CORNERS, settings.least_present * self.corners_then)
+        if self.proven >= least and max(cover, self.hidden_then) <= settings.most_covered:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
@@ -322,32 +328,13 @@ class ObjectTrack:
         """Find what was not told of and differs from the background as the object did; and go where it fits."""
         speed = self.speed_px_s if self.is_soft else None
         gone_px = None if speed is None else speed * ((stamp_ns - self.last_seen_ns) * 1e-9)
-        found = self.figure.look_for(untold, self.box_px, gone_px)
+        found = self.looks.figure.look_for(untold, self.box_px, gone_px)
         if found is None or speed is None:
             return
         self._correct(np.tile(found[0], 2), stamp_ns)
         if stamp_ns > self.last_found_ns:
             self.speed_px_s = speed + found[1] / ((stamp_ns - self.last_found_ns) * 1e-9)
         self.last_found_ns = stamp_ns
-
-    def look_at(
-        self, current: ImageStack, difference: ImageStack | None, box_then_px: FloatArray, stamp_ns: int
-    ) -> None:
-        """Compare a box that bears another name with its picture, and its figure where there is a background."""
-        where = box_then_px + self.box_px - self.box_at(stamp_ns)
-        self.likeness.look(current, where)
-        if difference is not None:
-            self.figure.look(difference, where)
-
-    @property
-    def looks_the_same(self) -> bool:
-        """Whether its picture, or its figure, is certainly the same under another name."""
-        return self.likeness.vouches or self.figure.vouches
-
-    @property
-    def looks_different(self) -> bool:
-        """Whether what is seen under another name is something else."""
-        return self.likeness.denies and not self.figure.vouches
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
@@ -381,7 +368,7 @@ class ObjectTrack:
             return f"too small: {side:.0f} px"
         if in_view(self.box_px, size) < settings.least_in_view:
             return "leaving the view"
-        if self.figure.is_there:
+        if self.looks.figure.is_there:
             return ""
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import background_evidence, passing_evidence
+from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import places_in
 from belie.geometry import SE3, CameraModel, FloatArray
@@ -26,13 +27,9 @@ _FLOATS = 1.4  # wall nearer than the foot by this factor: the box ends in mid-a
 _LEAST_SIDE_PX = 40.0  # of a box: smaller ones are so far that slopes decide where they stand
 _MIDDLE = 0.3  # of the box's sides, either way: there, an object lets nothing through
 _RIDES = 0.2  # of the box's sides: a corner that strays less keeps its place
-_NOISE = 0.035  # of the box's sides: usual error of a told edge against the pixels' prediction, at 3 % jitter
-_MOST_NOISE = 0.2  # beyond, nothing can be seen to pass
-_SIGMAS = 5.0  # of that error, whatever it is: no corner strays by less
-_LEARNS = 0.01  # share by which one edge corrects it
+_SIGMAS = 5.0  # of the error of told edges: no corner strays by less
 _UNDER_WAY = 0.5  # of the way that corners stray which pass: nearer to passing than to riding
 _FARTHER = 1.5  # in time to stray also by this factor: then what rides is no part of the scene
-_MEDIAN = 0.6745  # of a normal error's size, in deviations
 _STEEPEST = 0.15  # tangent: of roads, as a mean over the way to an object
 _NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
@@ -78,7 +75,6 @@ class SceneWitness:
     _ground_frame: int = 0
     _parallax_px: float = 0.0  # of the scene, since it last told something new
     _has_moved: bool = False
-    _noise: float = _NOISE  # of told boxes, of their sides
     _scene_px: dict[int, _SeenSince | None] = field(default_factory=dict)
 
     def move(self, estimate: VisualEstimate | None, scene: Scene | None) -> None:
@@ -124,34 +120,62 @@ class SceneWitness:
         That the scene passes through the box, and that its corners lie on the ground or the wall.
         """
         self._learn_noise(track)
+        steady_px = self._without_jump(track)
         if not self._has_moved or len(self._poses) < 2:
             return None, None
         depths = self._depths(track)
-        return self._passing(track, depths), self._lying(track, depths)
+        return self._passing(track, steady_px, depths), self._lying(track, depths)
 
     def _learn_noise(self, track: ObjectTrack) -> None:
-        """Correct the median error of told edges; a few wild ones, of a box that is no object's, change it little."""
+        """Hold the edges of a told box against where the pixels say that they should be."""
         told, motion = track.carried_px, track.motion
         if told is None or motion is None or track.phantom.accused:
             return
         error = np.abs(told - motion.box_px) / np.tile(told[2:] - told[:2], 2)
-        larger = error[~self._cut(told)] > _MEDIAN * self._noise
-        noise = self._noise * float(np.exp(_LEARNS * (2.0 * np.count_nonzero(larger) - len(larger))))
-        self._noise = min(max(noise, _NOISE), _MOST_NOISE)
+        track.edges.learn(error[~self._cut(told, track.edges)])
 
-    def _cut(self, box_px: FloatArray) -> npt.NDArray[np.bool_]:
+    def _without_jump(self, track: ObjectTrack) -> FloatArray | None:
+        """Its told box, but for a jump against its pixels; its corners are held against the box without from then on.
+
+        A jump shifts all of them in the box at once, as a scene would that passes through it; but that goes on.
+        """
+        told, motion = track.carried_px, track.motion
+        if told is None or track.told_before is None or motion is None or motion.error_px2 is None:
+            return told  # where its pixels went is not known
+        then, before = track.told_before
+        frames = self.frame - then
+        if not 0 < frames < len(track.history):
+            return told
+        moved = motion.box_px - track.history[-1 - frames][1]
+        size = np.tile(told[2:] - told[:2], 2)
+        excess = track.steps.excess((told - before - moved) / size)
+        jumps = (np.abs(excess) > _SIGMAS * track.edges.deviation) & ~self._cut(told, track.edges)
+        older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
+        if not jumps.any() or not older.any():
+            return told
+        steady = told - np.where(jumps, excess, 0.0) * size
+        places = places_in(told, track.corners_px)
+        off = places - places_in(steady, track.corners_px)
+        strays = places - track.born_places
+        with_jump, without = (np.median(np.abs(each[older]).max(axis=1)) for each in (strays, strays - off))
+        if without >= with_jump:
+            return told  # it is the pixels that were lost
+        track.born_places[older] += off[older]
+        return np.asarray(steady)
+
+    def _cut(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
         """Which edges, left, top, right, bottom, may be the image's border instead of the object's."""
-        margin = 2.0 * self._noise * np.tile(box_px[2:] - box_px[:2], 2)
+        margin = 2.0 * edges.deviation * np.tile(box_px[2:] - box_px[:2], 2)
         size = np.array([self.camera.width, self.camera.height])
         return np.asarray(np.concatenate([box_px[:2], size - box_px[2:]]) < margin)
 
-    def _is_whole(self, box_px: FloatArray) -> npt.NDArray[np.bool_]:
+    def _is_whole(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
         """Along which axes places in a box tell what keeps its place.
 
         Not where the border cuts it, for an object that leaves or comes near moves on behind its edge; but no object
         is cut on all sides.
         """
-        cut = self._cut(box_px)
+        cut = self._cut(box_px, edges)
         return np.asarray(~(cut[:2] | cut[2:]) | cut.all())
 
     def _parallax_of(self, estimate: VisualEstimate, scene: Scene) -> float:
@@ -159,17 +183,17 @@ class SceneWitness:
         typical = float(np.median(np.abs(rho))) if len(rho) else 0.0
         return float(np.linalg.norm(estimate.T_prev_cur.t)) * typical * self.camera.fx
 
-    def _passing(self, track: ObjectTrack, depths: _Depths) -> float | None:
-        """Whether the still scene passes through the box."""
+    def _passing(self, track: ObjectTrack, steady_px: FloatArray | None, depths: _Depths) -> float | None:
+        """Whether the still scene passes through the box; `steady_px`: the told one, but for a jump."""
         told = track.carried_px
         if told is None or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
             return None
         corners = self._own_corners(track, told, depths)
-        if track.told_before is not None:
-            of_scene = self._scene_corners(told, *track.told_before)
+        if track.told_before is not None and steady_px is not None:
+            of_scene = self._scene_corners(steady_px, *track.told_before, track.edges)
             corners = corners if of_scene is None else corners.joined(of_scene)
-        least = max(_RIDES, _SIGMAS * self._noise)
-        strays = np.abs(corners.strays * self._is_whole(told)).max(axis=1, initial=0.0)
+        least = max(_RIDES, _SIGMAS * track.edges.deviation)
+        strays = np.abs(corners.strays * self._is_whole(told, track.edges)).max(axis=1, initial=0.0)
         rides, still = strays < least, corners.still
         # An object lets nothing through its middle: neither what is there now, nor what was there then.
         tells = _in_the_middle(corners.places) | _in_the_middle(corners.places - corners.strays)
@@ -178,7 +202,7 @@ class SceneWitness:
         )
         passes = tells & still & ~rides
         if passes.any():
-            track.phantom.aloft = self._is_aloft(told, corners.inverse_depth[passes])
+            track.phantom.aloft = self._is_aloft(told, corners.inverse_depth[passes], track.edges)
             # What passes as well, but has not had the time to, is no part of the object.
             expected = float(np.median(strays[passes] / corners.frames[passes])) * corners.frames
             tells &= ~rides | goes_along | (expected > _FARTHER * least) | (strays < _UNDER_WAY * expected)
@@ -186,12 +210,12 @@ class SceneWitness:
             track.phantom.take_back(int(np.count_nonzero(tells & goes_along)))
         return passing_evidence(rides[tells], still[tells])
 
-    def _is_aloft(self, box_px: FloatArray, inverse_depth: FloatArray) -> bool:
+    def _is_aloft(self, box_px: FloatArray, inverse_depth: FloatArray, edges: EdgeNoise) -> bool:
         """Whether an object before what passes through its box would stand on no road.
 
         The ground under it would have to rise, on the way from the camera to there, by more than roads do.
         """
-        if self._ground is None or self._cut(box_px)[3]:
+        if self._ground is None or self._cut(box_px, edges)[3]:
             return False
         rise = (float(np.median(inverse_depth)) - self._foot(box_px)) / float(self._ground.coefficients[1])
         return rise > _STEEPEST + _TILT
@@ -205,13 +229,16 @@ class SceneWitness:
         strays = places - track.born_places
         for age in np.unique(frames[older]).tolist():
             which = frames == age
-            strays[which] *= self._is_whole(track.history[max(len(track.history) - 1 - age, 0)][1])
+            then_px = track.history[max(len(track.history) - 1 - age, 0)][1]
+            strays[which] *= self._is_whole(then_px, track.edges)
         return _Corners(
             places[older], strays[older], (track.corners_px - track.born_px)[older], frames[older],
             rho[older], still[older],
         )  # fmt: skip
 
-    def _scene_corners(self, told: FloatArray, then: int, told_then: FloatArray) -> _Corners | None:
+    def _scene_corners(
+        self, told: FloatArray, then: int, told_then: FloatArray, edges: EdgeNoise
+    ) -> _Corners | None:
         """The still scene's corners since another box of the object was told."""
         if then not in self._scene_px:
             self._scene_px[then] = self._scene_since(then)
@@ -225,7 +252,7 @@ class SceneWitness:
         left = np.flatnonzero(_in_the_middle(places_then) & ~near)
         reach_px = np.maximum(_LEAST_REACH_PX, _SAME_DEPTH * np.abs(now_px - then_px).max(axis=1))
         near[left] = self._was_seen(then, told_then, then_px[left], rho_then[left], reach_px[left])
-        strays = (places - places_then)[near] * self._is_whole(told_then)
+        strays = (places - places_then)[near] * self._is_whole(told_then, edges)
         n = len(strays)
         return _Corners(
             places[near], strays, (now_px - then_px)[near], np.full(n, self.frame - then),

@@ -67,9 +67,9 @@ def fitted(each: Sequence[ObjectHabits], prior: ObjectSettings) -> dict[str, flo
         "persistence_s": max(persistence_s, misnamed.memory_s(interval_s)),
         "half_seen_px": half_px,
         "prior_messages": _trusted(messages_of(each), prior.prior_messages, _MOST_MESSAGES),
-        "prior_gaps": _trusted(missed.stream.wrong, prior.prior_gaps, _MOST_GAPS),
+        "prior_gaps": _trusted(missed.stream.chances, prior.prior_gaps, _MOST_GAPS),
         "object_messages": _alike([(c.begun, c.begun + c.right) for c in own], prior.object_messages),
-        "object_gaps": _alike([(c.lasted, c.wrong) for c in own], prior.object_gaps),
+        "object_gaps": _alike([(c.lasted, c.chances) for c in own], prior.object_gaps),
     }
 
 

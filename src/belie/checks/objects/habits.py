@@ -31,16 +31,35 @@ _KEPT = 4000  # messages after one in error, by size
 
 @dataclass(slots=True)
 class Counts:
-    """Messages without error, errors begun, messages in which an error went on."""
+    """Messages without error, errors begun, messages in which an error went on, errors whose end nobody saw."""
 
     right: float = 0.0
     begun: float = 0.0
     lasted: float = 0.0
+    cut: float = 0.0
 
     @property
     def wrong(self) -> float:
         """Messages in error."""
         return self.begun + self.lasted
+
+    @property
+    def chances(self) -> float:
+        """Messages after one in error: it went on, or ended. Who left in error had one less (a censored run)."""
+        return self.wrong - self.cut
+
+    def add(self, other: Counts, weight: float = 1.0) -> None:
+        """Take over what was seen besides.
+
+        >>> counts = Counts(right=8.0)
+        >>> counts.add(Counts(begun=1.0, lasted=3.0, cut=1.0))
+        >>> counts.wrong, counts.chances
+        (4.0, 3.0)
+        """
+        self.right += weight * other.right
+        self.begun += weight * other.begun
+        self.lasted += weight * other.lasted
+        self.cut += weight * other.cut
 
 
 @dataclass(slots=True)
@@ -84,12 +103,10 @@ class Habit:
     stream: Counts = field(default_factory=Counts)
     steps: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=_KEPT))  # side px, went on
 
-    def learn(self, own: Counts, seen: Counts, weight: float = 1.0) -> None:
-        """Take over what was seen of an object, by the probability that nobody lied."""
-        for counts in (self.stream, own):
-            counts.right += weight * seen.right
-            counts.begun += weight * seen.begun
-            counts.lasted += weight * seen.lasted
+    def learn(self, own: Counts, seen: Counts) -> None:
+        """Take over what was seen of an object."""
+        self.stream.add(seen)
+        own.add(seen)
 
     def learn_right(self, own: Counts) -> None:
         """One message without error, that no doubt preceded."""
@@ -141,7 +158,7 @@ class Habit:
         """For how long consecutive images share the cause of an error, by the stream; its `persistence_s`."""
         s, n, share = self.stream, self.prior_gaps, self.share()
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
-        lasts = (s.lasted + n * expected) / (s.wrong + n)
+        lasts = (s.lasted + n * expected) / (s.chances + n)
         correlation = (lasts - share) / (1.0 - share)
         # Below, consecutive images share nothing; above, the time is longer than the recordings show.
         return -interval_s / math.log(min(max(correlation, 1e-3), _MOST))
@@ -157,10 +174,9 @@ class Habit:
     def _lasts(self, own: Counts, interval_s: float) -> float:
         expected = self.rate + (1.0 - self.rate) * math.exp(-interval_s / self.persistence_s)
         s, n = self.stream, self.prior_gaps
-        # Every message in error was a chance to end.
-        stream = (s.lasted + n * expected) / (s.wrong + n)
+        stream = (s.lasted + n * expected) / (s.chances + n)
         m = self.object_gaps
-        return _bounded((own.lasted + m * stream) / (own.wrong + m))
+        return _bounded((own.lasted + m * stream) / (own.chances + m))
 
 
 def _bounded(share: float) -> float:
@@ -201,7 +217,7 @@ class ErrorTest:
     onset_ns: int = 0
     accused: bool = False
     _seen: Counts = field(default_factory=Counts)  # in this excursion, not learned yet
-    _steps: list[tuple[float, bool]] = field(default_factory=list)  # the same, as `Habit.steps`
+    _steps: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=_KEPT))  # as `Habit.steps`
 
     def right(self, interval_s: float, side_px: float = 1e3) -> None:
         """A message without error."""
@@ -217,10 +233,7 @@ class ErrorTest:
         if self.accused and self.statistic < self.threshold - _ACQUITS:
             self.excuse()
         elif self.statistic <= 0.0:
-            weight = 1.0 / (1.0 + math.exp(min(self.peak - self.threshold, 50.0)))
-            self.habit.learn(self.own, self._seen, weight)
-            self.habit.steps.extend(self._steps if weight > _HONEST else ())
-            self.excuse()
+            self.conclude()
 
     def wrong(
         self,
@@ -267,10 +280,45 @@ class ErrorTest:
         """Whether there is evidence enough to accuse, but nobody has vouched for the object."""
         return not self.accused and self.statistic >= self.threshold
 
+    def unlearned(self, doubtful: int = 0) -> tuple[Counts, tuple[tuple[float, bool], ...]]:
+        """What the excursion teaches as far as it has come, if it is honest: counts, and steps as `Habit.steps`.
+
+        Errors that have not ended lasted at least so long (a censored run). `doubtful`: how many of the last ones may
+        have another cause than the detector's habit. Nothing, of what is accused.
+        """
+        if self.accused or self.errors == 0:
+            return Counts(), ()
+        weight = 1.0 / (1.0 + math.exp(min(self.peak - self.threshold, 50.0)))
+        sure = max(self.length - doubtful, 0)
+        first = 1 if self.length and not sure else 0  # even the first one of the last run is doubtful
+        lasted = self.length - sure - first
+        seen = Counts()
+        seen.add(self._seen, weight)
+        seen.add(Counts(begun=-first, lasted=-lasted, cut=1.0 if sure else 0.0), weight)
+        steps = tuple(self._steps) if weight > _HONEST else ()
+        return seen, steps[: max(len(steps) - lasted, 0)]
+
+    def conclude(self, doubtful: int = 0) -> None:
+        """No more will be told of this excursion: learn it, by the probability that nobody lied; see `unlearned`.
+
+        >>> habit = Habit(rate=0.05, persistence_s=0.02, prior_messages=40, prior_gaps=10)
+        >>> test = ErrorTest(habit)
+        >>> for i in range(3):
+        ...     told = test.wrong(0.1, 14.0, i)
+        >>> test.conclude()  # it has left
+        >>> round(habit.stream.begun, 1), round(habit.stream.lasted, 1), round(habit.stream.chances, 1)
+        (1.0, 2.0, 2.0)
+        """
+        seen, steps = self.unlearned(doubtful)
+        self.habit.learn(self.own, seen)
+        self.habit.steps.extend(steps)
+        self.excuse()
+
     def excuse(self) -> None:
         """The pixels cannot tell (any more): whatever was found ends without a verdict, and nothing is learned."""
         self.length, self.errors, self.messages, self.statistic, self.peak = 0, 0, 0, 0.0, 0.0
-        self.accused, self._seen, self._steps = False, Counts(), []
+        self.accused, self._seen = False, Counts()
+        self._steps.clear()
 
 
 def lasts_of_small(side_px: float, half_seen_px: _Px) -> _Px:
