@@ -229,3 +229,11 @@ def test_what_was_hidden_and_is_seen_beside_the_object_now_did_not_pass_through_
     evidence = passing(witness, track)
     assert (evidence is None) == hides
     assert hides or evidence > 5.0
+
+
+@pytest.mark.parametrize(("slope", "why"), [(0.0, ""), (0.02, ""), (0.1, "no ground is seen")])
+def test_a_plane_that_the_camera_would_run_into_is_no_ground(slope, why):
+    """Wheels and sills of parked cars lie on one, too."""
+    points = still_scene(wall=False)
+    points[:, 1] -= slope * points[:, 2]
+    assert watched(points).why == why

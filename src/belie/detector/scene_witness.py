@@ -31,6 +31,9 @@ _SIGMAS = 5.0  # of the error of told edges: no corner strays by less
 _UNDER_WAY = 0.5  # of the way that corners stray which pass: nearer to passing than to riding
 _FARTHER = 1.5  # in time to stray also by this factor: then what rides is no part of the scene
 _STEEPEST = 0.15  # tangent: of roads, as a mean over the way to an object
+# Tangent: between the camera's way and the ground that it drives on. Its way is known to some 0.02, as is the slope of
+# a road 10 m on against that under the wheels; planes through parked cars and kerbs lie at 0.08 and more.
+_STEEPEST_STEP = 0.05
 _NEAREST = 0.1  # of its depth: a point that was not before the camera then
 _TILT = 0.015  # rad: slope of the road against the fitted ground, and the camera's nodding
 _LEAST_REACH_PX = 3.0  # within which a scene corner is found again by its depth
@@ -107,7 +110,7 @@ class SceneWitness:
         if self._has_moved:
             self._parallax_px = 0.0
             seen = ground_plane(*scene)
-            if seen is not None:
+            if seen is not None and _runs_along(seen, estimate.T_prev_cur.t):
                 self._grounds.append(seen.coefficients)
                 self._ground_frame = self.frame
                 if len(self._grounds) >= _LEAST_GROUNDS:
@@ -374,6 +377,17 @@ class SceneWitness:
         ground = np.abs(rho - self._ground.at(xy)) < 2.0 * sd + 0.1 * np.abs(rho)
         chosen = near & ~inside & ~ground
         return fit_plane(xy[chosen], rho[chosen], sd[chosen], least=8, share=0.6)
+
+
+def _runs_along(ground: InverseDepthPlane, t: FloatArray) -> bool:
+    """Whether a camera that moves by `t` keeps its height over a plane: else it is no ground, or the slope beyond it.
+
+    >>> road, banked = (InverseDepthPlane(np.array([0.0, 0.6, c])) for c in (0.0, 0.06))
+    >>> [_runs_along(plane, np.array([0.0, 0.0, -1.2])) for plane in (road, banked)]
+    [True, False]
+    """
+    n = ground.coefficients
+    return abs(float(n @ t)) <= _STEEPEST_STEP * float(np.linalg.norm(n) * np.linalg.norm(t))
 
 
 def _in_the_middle(places: FloatArray) -> npt.NDArray[np.bool_]:
