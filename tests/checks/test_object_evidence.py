@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from belie.checks.objects import Counts, ErrorTest, Habit, PhantomTest, passing_evidence, shared_thresholds
+from belie.checks.objects import (
+    Counts,
+    ErrorTest,
+    Habit,
+    PhantomTest,
+    background_evidence,
+    passing_evidence,
+    shared_thresholds,
+)
 
 
 def test_a_box_that_the_scene_passes_through_is_suspect_and_one_that_carries_its_corners_is_not():
@@ -151,3 +159,18 @@ def test_errors_that_nobody_vouches_for_are_open_and_end_soon():
 
 def test_however_many_false_alarms_are_tolerated_one_must_tell_something():
     assert shared_thresholds(*np.full((3, 2), 0.3), np.ones(2), 2.0).min() >= 1.0
+
+
+def test_a_ground_that_was_fitted_askew_accuses_nobody() -> None:
+    """Corners of a parked car of kitti00, frame 70, and ground fitted 0.02 rad too high by a clip that began at 48."""
+    fitted = np.array([0.025, 0.026, 0.026, 0.029, 0.029, 0.029, 0.030, 0.030, 0.030])
+    car = np.array([0.034, 0.022, 0.028, 0.025, 0.028, 0.033, 0.025, 0.028, 0.033])
+    told = [background_evidence(car, np.full(9, 1e-3), fitted, 0.0517, tilt=tilt) for tilt in (0.0, 0.0086)]
+    assert told[0] is not None
+    assert told[0] > 5.0
+    assert told[1] is not None
+    assert told[1] < told[0] / 3.0
+    ground = np.linspace(0.015, 0.045, 30)
+    shifted = background_evidence(ground - 0.005, np.full(30, 1e-3), ground, 0.052, tilt=0.0086)
+    assert shifted is not None
+    assert shifted > 3.0

@@ -326,7 +326,7 @@ class SceneWitness:
             # At the horizon the ground is as far as what drives along with the camera, or the sky.
             ground = self._ground.at(xy)
             below = np.asarray(ground > error)
-            on_ground = background_evidence(depth[below], deviation[below], ground[below], foot)
+            on_ground = background_evidence(depth[below], deviation[below], ground[below], foot, tilt=error)
             if on_ground is not None:
                 found.append(on_ground)
         wall = self._wall(track.box_px)

@@ -29,6 +29,7 @@ _PASSES, _RIDES = 1.3, 2.0  # nats: log(0.9 / 0.25), log(0.75 / 0.1)
 # other.
 _ALOFT = 3.9  # nats: log(0.5 / 0.01)
 _ACQUITS = 0.5  # of the threshold: an accusation ends below
+_SHIFTS = 5  # of a plane that is not known exactly, which are tried
 _DECIDED = 0.75  # share of the corners that must have been explained at all
 
 
@@ -38,6 +39,7 @@ def background_evidence(
     background: FloatArray,
     foot: float,
     foot_error: float = 0.0,
+    tilt: float = 0.0,
 ) -> float | None:
     """Log-likelihood ratio, nats, that a box shows the background and no object that stands at its foot.
 
@@ -51,6 +53,9 @@ def background_evidence(
         Inverse depth at which an object would stand that ends where the box ends.
     foot_error : float
         Of it: a road that rises or a nodding camera moves the foot of whatever is far away.
+    tilt : float
+        Of it and of the background, alike: by so much the ground may lie elsewhere than it was fitted. Each explanation
+        is given what fits it best; that a ground recedes row by row, and an object does not, still tells them apart.
 
     Returns
     -------
@@ -72,13 +77,21 @@ def background_evidence(
         return None
     rho, width = inverse_depth[telling], width[telling]
     object_width = np.abs(deviation[telling]) + _FOOT * abs(foot) + foot_error
-    as_background = np.abs(rho - background[telling]) / width
-    as_object = np.maximum(np.maximum(_BEHIND * foot - rho, rho - _BEFORE * foot), 0.0) / object_width
+    shifts = np.linspace(-tilt, tilt, _SHIFTS)[:, None] if tilt else np.zeros((1, 1))
+    as_background = _best(np.abs(rho - background[telling] - shifts) / width)
+    feet = foot + shifts
+    as_object = _best(np.maximum(np.maximum(_BEHIND * feet - rho, rho - _BEFORE * feet), 0.0) / object_width)
     explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))
     if explained.sum() < max(_LEAST_CORNERS, _DECIDED * len(rho)):
         return 0.0  # it moves, or is no plane: no phantom of this kind
     evidence = np.clip(0.5 * (as_object**2 - as_background**2), -_MOST_A_CORNER, _MOST_A_CORNER)[explained]
     return float(np.clip(evidence.sum(), -_MOST_A_MESSAGE, _MOST_A_MESSAGE))
+
+
+def _best(off: FloatArray) -> FloatArray:
+    """Of several explanations (S, N), in deviations, the one that fits most corners; NaN fits none."""
+    fits = np.where(np.isfinite(off), np.minimum(off, 2.0), 2.0) ** 2
+    return np.asarray(off[int(np.argmin(fits.sum(axis=1)))])
 
 
 def passing_evidence(rides: npt.NDArray[np.bool_], still: npt.NDArray[np.bool_]) -> float | None:
