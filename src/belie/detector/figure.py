@@ -30,6 +30,7 @@ class Figure(Likeness):
     expected: Expected = _FIGURE
     _keeps_path: bool = False
     _strayed_px: FloatArray = field(default_factory=lambda: np.zeros(2))  # since it was last told of
+    _looked_frame: int = -1  # frame count of the image in which it was last looked for
 
     @property
     def is_there(self) -> bool:
@@ -48,22 +49,26 @@ class Figure(Likeness):
         self._keeps_path = float(np.linalg.norm(off_px)) <= _STRAYS * longer_side(box_px)
 
     def look_for(
-        self, untold: ImageStack | None, box_px: FloatArray, gone_px: FloatArray | None
+        self, untold: ImageStack | None, box_px: FloatArray, gone_px: FloatArray | None, frame: int
     ) -> tuple[FloatArray, FloatArray] | None:
         """Find what was not told of and differs from the background as it did.
 
         `box_px` (4,): where it is expected; `gone_px` (2,): its way since it was told of, None where its speed is not
-        known. The answer: how far to correct its place, and a step of its way since the last message, (2,) each.
+        known; `frame`: count of images, each of which is asked once. The answer: how far to correct its
+        place, and a step of its way since the last message, (2,) each.
         """
-        self.told = 0.0
+        if frame == self._looked_frame:
+            return None  # a faster detector, or late messages: no new evidence
+        self._looked_frame, self.told = frame, 0.0
         if untold is None or gone_px is None or not self._keeps_path:
             return None
+        before = self.evidence
         self.look(untold, box_px)
         if not self.is_there:
             return None
         strayed_px = self._strayed_px + _TRUST * self.shift_px
         if _leaves(strayed_px, gone_px, _STRAYS * longer_side(box_px)):
-            self.told = 0.0
+            self.told, self.evidence = 0.0, before  # that is somebody else
             return None
         self._strayed_px = strayed_px
         return _TRUST * self.shift_px, _TRUST_SPEED * self.shift_px

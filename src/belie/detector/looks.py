@@ -20,8 +20,20 @@ class Looks:
     def learn(self, current: ImageStack, difference: ImageStack | None, box_px: FloatArray) -> None:
         """It was told of under its name: take its looks anew."""
         self.picture.learn(current, box_px)
-        if difference is not None:
+        if difference is None:
+            self.figure.forget()
+        else:
             self.figure.learn(difference, box_px)
+
+    def keep(self) -> None:
+        """It is not told of: keep its pictures, and no whole image for them."""
+        self.picture.keep()
+        self.figure.keep()
+
+    def forget(self) -> None:
+        """It was told of under its name, and has lasting corners: its looks are not asked for."""
+        self.picture.forget()
+        self.figure.forget()
 
     def look_at(self, current: ImageStack, difference: ImageStack | None, box_px: FloatArray) -> None:
         """Compare a box that bears another name."""

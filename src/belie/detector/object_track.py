@@ -69,6 +69,7 @@ class ObjectTrack:
     contrast_then: float = 0.0
     last_seen_ns: int = 0
     last_found_ns: int = 0
+    placed_by_looks_ns: int = 0  # last message that did not tell of it, in which its figure was found
     accused_ns: int | None = (
         None  # last message in which its pixels bore out that it is hidden, if that is alleged
     )
@@ -324,17 +325,20 @@ class ObjectTrack:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
-    def look_for(self, untold: ImageStack | None, stamp_ns: int) -> None:
+    def look_for(self, untold: ImageStack | None, stamp_ns: int, frame: int) -> None:
         """Find what was not told of and differs from the background as the object did; and go where it fits."""
+        self.looks.keep()
         speed = self.speed_px_s if self.is_soft else None
         gone_px = None if speed is None else speed * ((stamp_ns - self.last_seen_ns) * 1e-9)
-        found = self.looks.figure.look_for(untold, self.box_px, gone_px)
+        found = self.looks.figure.look_for(untold, self.box_px, gone_px, frame)
         if found is None or speed is None:
             return
         self._correct(np.tile(found[0], 2), stamp_ns)
-        if stamp_ns > self.last_found_ns:
-            self.speed_px_s = speed + found[1] / ((stamp_ns - self.last_found_ns) * 1e-9)
-        self.last_found_ns = stamp_ns
+        image_ns = self.history[-1][0] - self.history[-2][0] if len(self.history) > 1 else 0
+        since_ns = max(stamp_ns - max(self.last_seen_ns, self.placed_by_looks_ns), image_ns, 1)
+        self.speed_px_s = speed + found[1] / (since_ns * 1e-9)
+        self.placed_by_looks_ns = stamp_ns
+        self.last_found_ns = max(self.last_found_ns, stamp_ns)
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
