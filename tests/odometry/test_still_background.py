@@ -56,6 +56,14 @@ def test_ends_where_nobody_tells_of_all_of_its_motion() -> None:
     assert background.difference() is None
 
 
+def test_begins_anew_after_a_turn() -> None:
+    """How far the camera turned before it stopped does not matter."""
+    background = StillBackground(focal_px=300.0)
+    for k in range(12):
+        background.see(ImageStack(WALL), estimate(turn_rad=0.05 if k < 5 else 0.0), k * HALF_S)
+    assert background.difference() is not None
+
+
 def test_subtracts_every_level_by_itself() -> None:
     """Of large objects nobody needs the first one, which costs most."""
     background = stood()

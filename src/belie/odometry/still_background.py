@@ -91,7 +91,7 @@ class StillBackground:
         """Take the next image; `estimate`: the camera's motion since the last one, None where it is not known."""
         if self._seen is not None and not self._stands(estimate):
             self._keys.clear()
-            self._median = None
+            self._R_key_cur, self._median = np.eye(3), None
         elif self._seen is not None and (not self._keys or self._seen_ns - self._key_ns >= _APART_NS):
             self._keys.append(self._seen.level(0))
             self._key_ns, self._R_key_cur, self._median = self._seen_ns, np.eye(3), None
