@@ -149,9 +149,34 @@ def test_a_detector_has_a_clock_of_its_own(after_ns: int) -> None:
     assert track.last_found_ns == FRAME_NS + after_ns, "a late message takes nothing back"
 
 
+def test_late_messages_do_not_teach_what_stands_where_it_went_away() -> None:
+    at = np.array([100.0, 80.0, 122.0, 132.0])
+    figure, _, _ = figure_of(at)
+    lorry = figure_of(at + 7.0)[1]
+    own = figure.picture
+    assert own is not None
+    for k in range(1, 3):  # messages two images late, the first that show the lorry
+        figure.learn_late(lorry, at, (k - 2) * FRAME_NS, k * FRAME_NS)
+        assert figure.picture is not None
+        assert (figure.picture == own).all()
+    figure.learn_late(lorry, at, FRAME_NS, 3 * FRAME_NS)  # it is told of where the lorry is
+    assert figure.picture is not None
+    assert not (figure.picture == own).all()
+
+
+def test_a_few_corners_do_not_vouch_for_what_its_figure_denies() -> None:
+    at, habit = np.array([100.0, 80.0, 122.0, 132.0]), Habit(0.05, 0.02, 40, 10)
+    track = ObjectTrack("7", "7", "person", at, ErrorTest(habit), ErrorTest(habit), weight=9.0)
+    track.corners_px = track.places = np.full((4, 2), 110.0)
+    track.ages, track.corners_then = np.full(4, 5), 4
+    assert track.absence((WIDTH, HEIGHT), Config().objects) == ""
+    track.looks.figure.evidence = -4.0
+    assert track.absence((WIDTH, HEIGHT), Config().objects).startswith("occluded or gone")
+
+
 def test_what_is_told_of_and_not_looked_at_has_no_evidence_left() -> None:
     at = np.array([100.0, 80.0, 122.0, 132.0])
-    for learn in (lambda looks, d: looks.learn(d, None, at), lambda looks, _: looks.forget()):
+    for learn in (lambda looks, d: looks.learn(d, None, at, 0, 0), lambda looks, _: looks.forget()):
         looks = Looks()
         looks.figure, difference, way = figure_of(at)
         looks.figure.look_for(difference, at, way, 1)

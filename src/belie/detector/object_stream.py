@@ -310,7 +310,8 @@ class ObjectStream:
         if track.naming.errors:
             return
         if track.is_soft:
-            track.looks.learn(current, self.background.difference(), track.box_px)
+            told_ns, image_ns = track.frame_at(stamp_ns), track.history[-1][0]
+            track.looks.learn(current, self.background.difference(), track.box_px, told_ns, image_ns)
         else:
             track.looks.forget()
 
