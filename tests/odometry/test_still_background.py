@@ -12,9 +12,12 @@ HALF_S = 500_000_000
 WALL = np.random.default_rng(3).integers(60, 120, (120, 160)).astype(np.uint8)
 
 
-def estimate(turn_rad: float = 0.0, parallax_px: float = 0.02, inliers: int = 80) -> VisualEstimate:
+def estimate(
+    turn_rad: float = 0.0, parallax_px: float = 0.02, inliers: int = 80, previous_ns: int = 0
+) -> VisualEstimate:
     return VisualEstimate(
-        stamp_ns=1, previous_stamp_ns=0, T_prev_cur=SE3.exp([0, 0, 0, 0, turn_rad, 0]), covariance=np.eye(6) * 1e-8,
+        stamp_ns=previous_ns + 1, previous_stamp_ns=previous_ns,
+        T_prev_cur=SE3.exp([0, 0, 0, 0, turn_rad, 0]), covariance=np.eye(6) * 1e-8,
         corners=99, matches=99, inliers=inliers, parallax_px=parallax_px,
     )  # fmt: skip
 
@@ -42,6 +45,42 @@ def test_ends_when_the_camera_moves_or_does_not_know(moved: VisualEstimate | Non
     background = stood()
     background.see(ImageStack(WALL), moved, 10 * HALF_S)
     assert background.difference() is None
+
+
+def test_ends_where_nobody_tells_of_all_of_its_motion() -> None:
+    """Images that were not fit to judge by are not shown to it; the camera may have moved in them."""
+    background = stood()
+    background.see(ImageStack(WALL), estimate(previous_ns=5 * HALF_S), 6 * HALF_S)
+    assert background.difference() is not None
+    background.see(ImageStack(WALL), estimate(previous_ns=8 * HALF_S), 9 * HALF_S)
+    assert background.difference() is None
+
+
+def test_begins_anew_after_a_turn() -> None:
+    """How far the camera turned before it stopped does not matter."""
+    background = StillBackground(focal_px=300.0)
+    for k in range(12):
+        background.see(ImageStack(WALL), estimate(turn_rad=0.05 if k < 5 else 0.0), k * HALF_S)
+    assert background.difference() is not None
+
+
+def test_subtracts_every_level_by_itself() -> None:
+    """Of large objects nobody needs the first one, which costs most."""
+    background = stood()
+    background.see(ImageStack(np.minimum(WALL + 20, 255).astype(np.uint8)), estimate(), 6 * HALF_S)
+    assert background.difference() is None, "all of it has changed"
+    image = WALL.copy()
+    image[40:80, 40:60] = 200
+    background.see(ImageStack(image), estimate(), 7 * HALF_S)
+    difference = background.difference()
+    assert difference is not None
+    assert difference is background.difference()
+    whole, half = (difference.level(k).astype(int) - NO_DIFFERENCE for k in (0, 1))
+    mean = whole.reshape(60, 2, 80, 2).mean(axis=(1, 3))
+    assert np.abs(half - mean).max() <= 1.0
+    left = without_boxes(difference, np.array([[40.0, 40, 60, 60]])).level(1).astype(int) - NO_DIFFERENCE
+    assert not left[20:30, 20:30].any()
+    assert (left[30:40, 20:30] == half[30:40, 20:30]).all()
 
 
 def test_a_camera_that_turns_slowly_does_not_stand() -> None:

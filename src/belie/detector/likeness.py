@@ -109,6 +109,14 @@ class Likeness:
                     self._count_other += 1.0
         self.seen = stack, box_px
 
+    def keep(self) -> None:
+        """It is not told of: cut out its picture now, that no whole image is kept for it."""
+        _ = self.picture
+
+    def forget(self) -> None:
+        """It was told of, and its looks are not asked for: what they said before is over."""
+        self.seen, self.evidence, self.told = None, 0.0, 0.0
+
     def look(self, stack: ImageStack, box_px: FloatArray) -> None:
         """A message misnames it, or does not tell of it: add what its picture says."""
         self.told = 0.0

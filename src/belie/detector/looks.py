@@ -17,11 +17,30 @@ class Looks:
     picture: Likeness = field(default_factory=Likeness)
     figure: Figure = field(default_factory=Figure)
 
-    def learn(self, current: ImageStack, difference: ImageStack | None, box_px: FloatArray) -> None:
-        """It was told of under its name: take its looks anew."""
+    def learn(
+        self,
+        current: ImageStack,
+        difference: ImageStack | None,
+        box_px: FloatArray,
+        told_ns: int,
+        image_ns: int,
+    ) -> None:
+        """It was told of under its name: take its looks anew; stamps as `Figure.learn_late`."""
         self.picture.learn(current, box_px)
-        if difference is not None:
-            self.figure.learn(difference, box_px)
+        if difference is None:
+            self.figure.forget()
+        else:
+            self.figure.learn_late(difference, box_px, told_ns, image_ns)
+
+    def keep(self) -> None:
+        """It is not told of: keep its pictures, and no whole image for them."""
+        self.picture.keep()
+        self.figure.keep()
+
+    def forget(self) -> None:
+        """It was told of under its name, and has lasting corners: its looks are not asked for."""
+        self.picture.forget()
+        self.figure.forget()
 
     def look_at(self, current: ImageStack, difference: ImageStack | None, box_px: FloatArray) -> None:
         """Compare a box that bears another name."""

@@ -164,14 +164,18 @@ class ObjectStream:
         self._look_through(covering, boxes, dict(enumerate(lost)), then)
         hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
         untold = self.background.difference() if any(self.tracks[i].is_soft for i in lost) else None
-        untold = None if untold is None else without_boxes(untold, boxes)
+        if untold is not None:
+            carried = boxes.copy()  # from the image that a late message is about to this one
+            for i, j in found.items():
+                carried[j] += self.tracks[i].box_px - then[i]
+            untold = without_boxes(untold, carried)
         for k, i in enumerate(lost):
             share = float(covering.share[k])
             track, new = self.tracks[i], np.ones(len(boxes), dtype=bool)
             new[[j for m, j in found.items() if self.tracks[m].met_ns <= track.last_seen_ns]] = False
             is_told = _may_be(track, then[i], boxes[new])
             track.retold = track.retold + 1 if is_told else 0
-            track.look_for(untold, claim.stamp_ns)
+            track.look_for(untold, claim.stamp_ns, self.scene.frame)
             self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, stand)
@@ -273,6 +277,7 @@ class ObjectStream:
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
         track.accused_ns = None
+        track.looks.figure.told = 0.0  # by the last message, which may have missed it
         if not (misnamed or swapped):
             track.naming.right(self.interval_s)
             track.called = track.called if track.naming.accused else ""
@@ -302,8 +307,13 @@ class ObjectStream:
         track.detect(box, stamp_ns, current.size)
         self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame, covers)
-        if track.is_soft and not track.naming.errors:
-            track.looks.learn(current, self.background.difference(), track.box_px)
+        if track.naming.errors:
+            return
+        if track.is_soft:
+            told_ns, image_ns = track.frame_at(stamp_ns), track.history[-1][0]
+            track.looks.learn(current, self.background.difference(), track.box_px, told_ns, image_ns)
+        else:
+            track.looks.forget()
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""

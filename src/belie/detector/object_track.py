@@ -69,9 +69,9 @@ class ObjectTrack:
     contrast_then: float = 0.0
     last_seen_ns: int = 0
     last_found_ns: int = 0
-    accused_ns: int | None = (
-        None  # last message in which its pixels bore out that it is hidden, if that is alleged
-    )
+    placed_by_looks_ns: int = 0  # last message that did not tell of it, in which its figure was found
+    # Last message in which its pixels bore out that it is hidden, if that is alleged.
+    accused_ns: int | None = None
     looked_frame: int = -1  # frame count when the scene last told what is in its box
     motion: LocalMotion | None = None
     view: View | None = None
@@ -82,9 +82,8 @@ class ObjectTrack:
         0,
         0,
     )  # corners after the last search, and the frame count when another may find more
-    covers: FloatArray = field(
-        default_factory=lambda: np.empty((0, 4))
-    )  # that may hide it, at the last message
+    # That may hide it, at the last message.
+    covers: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
     cover: CoverHabit = field(default_factory=CoverHabit)
     # Corners, box, ages and births when it was last told of with no corner in a box that may cover it.
     open_then: tuple[FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
@@ -104,9 +103,8 @@ class ObjectTrack:
     # Its shift by the camera's rotation: up to each frame of its history, and to that of the last detected box.
     turns_px: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     told_turn_px: FloatArray = field(default_factory=lambda: np.zeros(2))
-    told_before: tuple[int, FloatArray] | None = (
-        None  # frame count and (carried) box of the message before the last one
-    )
+    # Frame count and (carried) box of the message before the last one.
+    told_before: tuple[int, FloatArray] | None = None
 
     def follow(
         self,
@@ -160,6 +158,10 @@ class ObjectTrack:
     def box_at(self, stamp_ns: int) -> FloatArray:
         """Its box in the frame nearest to a stamp."""
         return self.history[self._nearest(stamp_ns)][1] if self.history else self.box_px
+
+    def frame_at(self, stamp_ns: int) -> int:
+        """Stamp of that frame."""
+        return self.history[self._nearest(stamp_ns)][0]
 
     def _nearest(self, stamp_ns: int) -> int:
         newest = len(self.history) - 1
@@ -324,17 +326,20 @@ class ObjectTrack:
             self.ages = self.ages + 1
             self._search(current, settings, frame)
 
-    def look_for(self, untold: ImageStack | None, stamp_ns: int) -> None:
+    def look_for(self, untold: ImageStack | None, stamp_ns: int, frame: int) -> None:
         """Find what was not told of and differs from the background as the object did; and go where it fits."""
+        self.looks.keep()
         speed = self.speed_px_s if self.is_soft else None
         gone_px = None if speed is None else speed * ((stamp_ns - self.last_seen_ns) * 1e-9)
-        found = self.looks.figure.look_for(untold, self.box_px, gone_px)
+        found = self.looks.figure.look_for(untold, self.box_px, gone_px, frame)
         if found is None or speed is None:
             return
         self._correct(np.tile(found[0], 2), stamp_ns)
-        if stamp_ns > self.last_found_ns:
-            self.speed_px_s = speed + found[1] / ((stamp_ns - self.last_found_ns) * 1e-9)
-        self.last_found_ns = stamp_ns
+        image_ns = self.history[-1][0] - self.history[-2][0] if len(self.history) > 1 else 0
+        since_ns = max(stamp_ns - max(self.last_seen_ns, self.placed_by_looks_ns), image_ns, 1)
+        self.speed_px_s = speed + found[1] / (since_ns * 1e-9)
+        self.placed_by_looks_ns = stamp_ns
+        self.last_found_ns = max(self.last_found_ns, stamp_ns)
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
         missing = settings.corners - len(self.corners_px)
@@ -370,6 +375,8 @@ class ObjectTrack:
             return "leaving the view"
         if self.looks.figure.is_there:
             return ""
+        if self.is_soft and self.looks.figure.denies:  # its few corners may be the background's
+            return "occluded or gone: before the background, nothing like it is seen"
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
         proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
