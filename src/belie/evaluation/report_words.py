@@ -265,8 +265,17 @@ def unfollowed(run: Run, label: AttackLabel) -> str:
     if run.profile == "paper":
         return "this profile keeps none of objects"
     if label.object is None:
-        return "its label names no object (all were attacked, or the detector gives no track ids)"
+        return f"its label names no object (all were attacked, or the detector gives no track ids){_doubt(run, label)}"
     return f"belie did not follow object {label.object}: it knows none that it was never told of"
+
+
+def _doubt(run: Run, label: AttackLabel) -> str:
+    """What the check that should have seen a lie most often said in the whole run while it was undecided."""
+    for check in run.trace.checks:
+        if ALERT_OF_CHECK.get(check.check) is label.alert and check.source in label.sources:
+            for reason, frames in check.undecided.most_common(1):
+                return f"; in {frames} frames of the whole run the check said: {reason}"
+    return ""
 
 
 def why_missed(run: Run, label: AttackLabel) -> str:
