@@ -201,6 +201,8 @@ def test_detections_that_do_not_fit_are_told(run, drive, boxes, command):
     out = " ".join(run(command, drive, "--detections", boxes(label="wombat")).stderr.split())
     assert "/detections: 90 of 90 boxes have labels that no class group holds: 'wombat' (90)" in out
     assert "if that is no attack, put them into objects.classes.groups" in out
+    out = " ".join(run(command, drive, "--detections", boxes(label="w" * 5000)).stderr.split())
+    assert f"no class group holds: '{'w' * 40}…' (90)" in out
     assert "warning" not in run(command, drive, "--detections", boxes()).stderr
     is_told = "'stop sign' (5)" in run(command, drive, "--detections", boxes(seldom="stop sign")).stderr
     assert is_told == (command == "info")

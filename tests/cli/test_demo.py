@@ -1,6 +1,7 @@
 """``belie demo``: the bundled drive, its lies, and the report."""
 
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,16 @@ def test_every_lie_is_caught_and_nothing_else(shown):
         assert word in result.stdout
     page = report.read_text()
     assert all(spec.split(":")[0] in page for spec, _ in ATTACKS)
+
+
+def test_readme_shows_what_it_prints(shown):
+    result, _ = shown
+    readme = (Path(__file__).parents[2] / "README.md").read_text().splitlines()
+    at = next(k for k, line in enumerate(readme) if line.startswith("lie  "))
+    table = [line.rstrip() for line in readme[at : readme.index("```", at)]]
+    assert len(table) == 1 + len(ATTACKS)
+    printed = [line.rstrip() for line in result.stdout.splitlines()]
+    assert [line for line in table if line not in printed] == []
 
 
 def test_the_bundled_drive_is_small_and_whole():

@@ -1,6 +1,7 @@
 """Films of accused objects: what is kept, which pictures are shown, and where boxes are drawn."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from belie.evaluation.film import SIDE_PX, FilmRecorder
 from belie.evaluation.film_figure import _raised_and_end, film_content
 from belie.evaluation.followed import ObjectFollower, accused
 from belie.evaluation.report import render_report
-from belie.evaluation.report_words import alert_row, headline
+from belie.evaluation.report_words import alert_row, headline, why_missed
 from belie.evaluation.run import run_detector
 from belie.evaluation.score import RaisedAlert
 from belie.evaluation.traced_alert import TracedAlert
@@ -396,6 +397,34 @@ def test_a_missed_attack_without_an_object_is_told(made_run):
     page = render_report(made_run(60), labels=[label, replace(label, object=None)])
     assert "no picture, as belie did not follow object 7" in page
     assert "no picture, as its label names no object" in page
+
+
+def test_a_phantom_that_cannot_be_told_from_what_is_behind_it_says_so_itself():
+    """The check says that of all boxes together, and only where no other box tells anything."""
+    of_all = CheckResult(
+        check="injection", source="/detections", status=Status.UNDECIDED,
+        reason="no box can be told from what is behind it: no ground is seen",
+    )  # fmt: skip
+
+    def phantom(k):
+        return (view(k, told=k, unseen="its corners cannot be told from the ground" if k < 28 else ""),)
+
+    _, (film,) = attacked(60, phantom, (of_all,), kind=AlertType.OBSTACLE_INJECTION)
+    assert film.why == (
+        "in 8 of 10 frames its pixels could not be told from what is behind it: "
+        "its corners cannot be told from the ground"
+    )
+
+
+def test_a_missed_attack_on_an_object_without_an_id_says_what_the_check_said(made_run):
+    label, _ = attacked(60, lambda k: ())
+    run = made_run(60)
+    unsure = replace(
+        run.trace.checks[0], check="hiding", source="/detections", undecided=Counter({"too few": 7})
+    )
+    run = replace(run, trace=replace(run.trace, checks=(unsure,)))
+    said = why_missed(run, replace(label, object=None))
+    assert said.endswith("; in 7 frames of the whole run the check said: too few")
 
 
 def test_the_page_shows_a_film_of_each_kind(made_run):

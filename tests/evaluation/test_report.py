@@ -12,6 +12,7 @@ from belie.detector import Config
 from belie.evaluation import figures, report_words
 from belie.evaluation.report import render_report, write_report
 from belie.evaluation.run import run_detector
+from belie.evaluation.told_objects import ToldObjects
 from belie.types import AlertType, CheckResult, RecordingError, Settings, Status
 
 FRAME_NS = 100_000_000
@@ -138,3 +139,10 @@ def test_long_runs_are_thinned_but_keep_their_peaks():
 def test_a_page_that_cannot_be_written_is_one_line(made_run, tmp_path):
     with pytest.raises(RecordingError, match=r"cannot write the report to .*: No such file"):
         write_report(made_run(20), tmp_path / "none" / "out.html")
+
+
+def test_a_detector_of_which_no_box_was_followed_is_told_in_the_headline(made_run):
+    told = ToldObjects(source="/d", messages=9, boxes=9, labels={}, objects=0, unjudged={})
+    run = replace(made_run(60), told=(told,))
+    assert report_words.headline(run).endswith("nothing is known of the objects of /d.")
+    assert report_words.tone(run) == "open"

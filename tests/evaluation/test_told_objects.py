@@ -94,3 +94,16 @@ def test_an_object_under_running_ids_is_one():
     new = [replace(view("1", established=False), name=str(k)) for k in range(9)]
     found = told(*[[each] for each in new], [view("1")])
     assert (found.objects, found.unjudged) == (1, {})
+
+
+def test_boxes_of_which_none_was_followed_are_no_silent_pass():
+    car = Detection(label="car", score=0.9, track_id="7", box_px=[5, 5, 6, 6])
+    recorder = ToldObjectsRecorder(ObjectSettings())
+    recorder.hear([DetectionClaim(source="/d", stamp_ns=0, received_ns=0, detections=(car,))])
+    (found,) = recorder.finish()
+    assert found.is_unchecked
+    assert found.in_words().startswith(
+        "/d: 1 messages, 1 boxes, 0 objects: no box could be followed, so none was checked"
+    )
+    assert not replace(found, boxes=0).is_unchecked
+    assert not replace(found, unjudged=None).is_unchecked  # the paper's profile keeps no objects

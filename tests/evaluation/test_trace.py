@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from belie.evaluation.trace import NOT_RUN, TraceRecorder, parse_floor, without_numbers
-from belie.types import CheckResult, Frame, Status, Step, Verdict
+from belie.evaluation.trace import NOT_RUN, Reasons, TraceRecorder, parse_floor, without_numbers
+from belie.types import CheckResult, Detection, Frame, Status, Step, Verdict
 
 
 def recorded(*frames):
@@ -97,3 +97,12 @@ def test_reasons_of_one_kind_count_as_one_and_keep_their_ranges():
     (check,) = recorder.finish().checks
     assert check.undecided == {"some car is missing: too small: 9 to 22 px": 2, "dark": 1}
     assert check.never_decided
+
+
+def test_a_detectors_words_cannot_steer_a_terminal():
+    forged = Detection(label="car\x1b[2J", score=0.9, track_id="7\0", box_px=[5, 5, 6, 6])
+    assert (forged.label, forged.track_id) == ("car\\x1b[2J", "7\\x00")
+    reasons = Reasons()  # its mark for numbers is a NUL
+    reasons.add(f"{forged.label} {forged.track_id} is missing: too small: 3 px")
+    assert reasons.counted().total() == 1
+    assert Detection(label="stop sign, größer", score=0.9).label == "stop sign, größer"

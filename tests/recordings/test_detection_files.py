@@ -192,7 +192,7 @@ def test_the_documented_way_from_json(tmp_path, folder, monkeypatch):
         (KITTI + "3 4 Car 0\n", r"line 5: expected KITTI's .* found 4 fields"),
         (
             KITTI.replace("12 20 32 40", "12 20 2 40"),
-            r"line 3: expected left, top, right, bottom, found 12 20 2 40",
+            r"line 3: expected left, top, right, bottom, found 12 20 2 40: right is less than left; where",
         ),
         (KITTI.replace("2 1 Car", "x 1 Car"), r"line 3: expected frame and track id"),
         (MOT_TRUTH + "0,1,1,1,2,2,1,1,1\n", r"line 4: frame 0, but MOT counts frames from 1"),

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from belie.evaluation.told_objects import ToldObjects
 
 _MOST_NAMED = 5
+_LONGEST = 40  # characters of a label
 
 
 def tell_detections(
@@ -31,7 +32,7 @@ def tell_detections(
         lines += [words] if (words := stream.timing_in_words()) else []
         found = {} if classes is None else stream.ungrouped(classes)
         if found and sum(found.values()) >= least_share * stream.boxes:
-            named = ", ".join(f"{label!r} ({n})" for label, n in list(found.items())[:_MOST_NAMED])
+            named = ", ".join(f"{_quoted(label)} ({n})" for label, n in list(found.items())[:_MOST_NAMED])
             more = f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
             count = f"{sum(found.values())} of {stream.boxes} boxes"
             lines.append(
@@ -41,3 +42,8 @@ def tell_detections(
             )
     for line in lines:
         print(f"belie: warning: {line}", file=sys.stderr)
+
+
+def _quoted(label: str) -> str:
+    """A label as it stands, shortened: whoever tells of boxes may call them anything."""
+    return f"'{label}'" if len(label) <= _LONGEST else f"'{label[:_LONGEST]}…'"

@@ -33,6 +33,8 @@ class ObjectView:
         Whether it was told of often and surely enough that its absence, or another name, means anything.
     is_swapped : bool
         Whether it is misnamed by bearing another object's track id.
+    unseen : str
+        Why nothing can be told of whether anything stands in its box; empty where it can be.
     box_px : array (4,)
         Where its own pixels say that it is: left, top, right, bottom edge.
     detected_px : array (4,) or None
@@ -64,6 +66,7 @@ class ObjectView:
     told_id: str = ""
     is_established: bool = False
     is_swapped: bool = False
+    unseen: str = ""
 
 
 def view_of(track: ObjectTrack, source: str, *, heard: bool, is_established: bool) -> ObjectView:
@@ -88,6 +91,7 @@ def view_of(track: ObjectTrack, source: str, *, heard: bool, is_established: boo
         told_id="" if track.told_px is None else track.told_id,
         is_established=is_established,
         is_swapped=bool(track.called) and track.is_swapped,
+        unseen=track.phantom.why,
     )
 
 

@@ -130,7 +130,9 @@ def _note_unproven(
 ) -> None:
     """Why its pixels cannot tell, in a frame in which it is lied about."""
     view = one.view
-    if view.misnamed or view.status == "missing":
+    if watched.label.alert is AlertType.OBSTACLE_INJECTION:
+        watched.unproven.update([view.unseen] if view.unseen else [])
+    elif view.misnamed or view.status == "missing":
         lacking = [said for holds, said in demands(settings, view, size) if not holds]
         watched.unproven.update(lacking[:1])
 
@@ -206,12 +208,15 @@ def _why(watched: _Watched) -> str:
         said.append(f"belie followed it in {watched.followed} of the {watched.frames} attacked frames")
     if watched.peak > 0.0:
         said.append(f"the evidence came to {watched.peak:.0%} of what an alarm takes")
-    given = watched.reasons.counted().most_common(1)
+    # The check says why a box tells nothing only where no other box tells anything.
+    is_invented = watched.label.alert is AlertType.OBSTACLE_INJECTION
+    given = [] if is_invented and watched.unproven else watched.reasons.counted().most_common(1)
     for reason, frames in given:
         told = f"{name} is {reason.removeprefix(_IT)}" if reason.startswith(_IT) else reason
         said.append(f"in {frames} of {watched.frames} frames the check said: {told}")
     # That a hidden object is missing is said with the reason; that another name is doubted is not.
     if not given or watched.label.alert is AlertType.OBJECT_MISCLASSIFICATION:
         for reason, frames in watched.unproven.most_common(1):
-            said.append(f"in {frames} of {watched.frames} frames its pixels could not vouch for it: {reason}")
+            lacking = "be told from what is behind it" if is_invented else "vouch for it"
+            said.append(f"in {frames} of {watched.frames} frames its pixels could not {lacking}: {reason}")
     return "; ".join(said) or "nothing tells"

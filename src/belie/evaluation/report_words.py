@@ -109,6 +109,7 @@ def headline(run: Run) -> str:
     if undecided > 0.5:
         return "No claim was contradicted, but more than half of the recording could not be judged."
     open_questions = [_question(check) for check in run.trace.checks if check.never_decided]
+    open_questions += [f"the objects of {told.source}" for told in run.told if told.is_unchecked]
     if open_questions:
         return f"No claim was contradicted, but not everything was checked: nothing is known of {_and(open_questions)}."
     return "No claim was contradicted: what the robot said agrees with what its camera saw."
@@ -152,6 +153,7 @@ def tone(run: Run) -> str:
     if run.alerts:
         return "bad"
     is_open = not run.has_claims or run.trace.share(Status.UNDECIDED) > 0.5
+    is_open = is_open or any(told.is_unchecked for told in run.told)
     return "open" if is_open or any(check.never_decided for check in run.trace.checks) else "good"
 
 
@@ -263,8 +265,17 @@ def unfollowed(run: Run, label: AttackLabel) -> str:
     if run.profile == "paper":
         return "this profile keeps none of objects"
     if label.object is None:
-        return "its label names no object (all were attacked, or the detector gives no track ids)"
+        return f"its label names no object (all were attacked, or the detector gives no track ids){_doubt(run, label)}"
     return f"belie did not follow object {label.object}: it knows none that it was never told of"
+
+
+def _doubt(run: Run, label: AttackLabel) -> str:
+    """What the check that should have seen a lie most often said in the whole run while it was undecided."""
+    for check in run.trace.checks:
+        if ALERT_OF_CHECK.get(check.check) is label.alert and check.source in label.sources:
+            for reason, frames in check.undecided.most_common(1):
+                return f"; in {frames} frames of the whole run the check said: {reason}"
+    return ""
 
 
 def why_missed(run: Run, label: AttackLabel) -> str:

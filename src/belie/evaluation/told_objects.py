@@ -70,6 +70,11 @@ class ToldObjects:
             found[label] -= count * is_known(first)
         return dict((+found).most_common())
 
+    @property
+    def is_unchecked(self) -> bool:
+        """Whether no box was followed, so that nothing that was told of objects could be checked."""
+        return self.unjudged is not None and self.boxes > 0 and not self.objects
+
     def in_words(self) -> str:
         """Messages, boxes and objects, and how many of these could not be judged, with the main reason.
 
@@ -80,6 +85,11 @@ class ToldObjects:
         if self.unjudged is None:
             return said
         said += f", {self.objects} objects"
+        if self.is_unchecked:
+            return (
+                f"{said}: no box could be followed, so none was checked (too small, outside the image, "
+                "without an image box, or in images that were not fit to judge by)"
+            )
         if not self.objects:
             return said
         said += f"; {self.objects - sum(self.unjudged.values())} could be judged"

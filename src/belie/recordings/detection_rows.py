@@ -257,15 +257,17 @@ def ordered_box_px(path: Path, line: int, edges: Sequence[float]) -> list[float]
 
     Examples
     --------
-    >>> ordered_box_px(Path("boxes.txt"), 3, [1.0, 2.0, 0.0, 4.0])
-    Traceback (most recent call last):
-    ...
-    belie.types.errors.RecordingError: boxes.txt, line 3: expected left, top, right, bottom, found 1 2 0 4
+    >>> ordered_box_px(Path("boxes.txt"), 3, [5.0, 2.0, 9.0, 4.0])
+    [5.0, 2.0, 9.0, 4.0]
     """
     left, top, right, bottom = edges
     if right < left or bottom < top:
         numbers = " ".join(f"{edge:g}" for edge in edges)
-        raise RecordingError(f"{path}, line {line}: expected left, top, right, bottom, found {numbers}")
+        amiss = "right is less than left" if right < left else "bottom is less than top"
+        raise RecordingError(
+            f"{path}, line {line}: expected left, top, right, bottom, found {numbers}: {amiss}; "
+            "where the last two are width and height, add left and top to them"
+        )
     return [left, top, right, bottom]
 
 

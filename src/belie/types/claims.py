@@ -126,7 +126,7 @@ class Detection:
     Parameters
     ----------
     label : str
-        Its class, in the detector's own words.
+        Its class, in the detector's own words; characters that cannot be printed are escaped, as in `track_id`.
     score : float
         Confidence, 0 to 1.
     track_id : str
@@ -163,6 +163,8 @@ class Detection:
     def __post_init__(self) -> None:
         if not 0.0 <= self.score <= 1.0:
             raise ValueError(f"a score is between 0 and 1, got {self.score}")
+        object.__setattr__(self, "label", _printable(self.label))
+        object.__setattr__(self, "track_id", _printable(self.track_id))
         if self.T_cam_obj is not None:
             if self.position_m is not None and np.abs(self.T_cam_obj.t - self.position_m).max() > 1e-9:
                 raise ValueError("position_m is not that of T_cam_obj")
@@ -180,6 +182,13 @@ class Detection:
             raise ValueError(f"box_px is left, top, right, bottom; got {self.box_px.tolist()}")
         if self.covariance is not None and self.position_m is None:
             raise ValueError("a covariance without a position")
+
+
+def _printable(text: str) -> str:
+    """Without control characters: a detector's words go to terminals and logs, which would obey them."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
