@@ -144,11 +144,14 @@ def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitt
     """Nor does it shield another detector's: each stream learns its own."""
     witness, edges = watched(still_scene(), shown=still_scene(wall=False)), EdgeNoise()
     rng = np.random.default_rng(6)
+    honest = track_of(HIGH)
+    honest.motion, honest.edges = type("Motion", (), {"box_px": HIGH, "error_px2": 1.0})(), edges
+    honest.history.extend((k, HIGH) for k in range(3))
     for _ in range(60):
-        told = HIGH + jitter * rng.normal(size=4) * np.tile(HIGH[2:] - HIGH[:2], 2)
-        honest = track_of(told)
-        honest.motion, honest.edges = type("Motion", (), {"box_px": HIGH})(), edges
-        witness.evidence(honest)
+        honest.told_before = witness.frame - 1, honest.carried_px
+        honest.carried_px = HIGH + jitter * rng.normal(size=4) * np.tile(HIGH[2:] - HIGH[:2], 2)
+        witness.evidence(honest, sees_foot=False)
+    assert edges.deviation == pytest.approx(max(jitter, 0.035), abs=0.03)
     track = track_of(HIGH)
     track.edges = edges if own else EdgeNoise()
     with_corners(witness, track, on_wall(HIGH, 20.0, 4), born=4, box_then=HIGH, told=HIGH)

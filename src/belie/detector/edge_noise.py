@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -11,29 +12,31 @@ from belie.geometry import FloatArray
 
 _LEAST = 0.035  # of the box's sides: at 3 % jitter
 _MOST = 0.2  # beyond, nothing can be seen to pass
-_LEARNS = 0.01  # share by which one edge corrects it
+_KEPT, _PRIOR = 200, 8  # edges; those that the expectation counts
 _MEDIAN = 0.6745  # of a normal error's size, in deviations
 _STEPS = 5  # messages: two jumps among them are none of its habits
+_KNOWN = 3  # messages from which on their median means anything
+_OF_A_STEP = math.sqrt(2.0 * (1.0 + 0.3))  # deviations of an edge: that of a step less the median of some
 
 
 @dataclass(slots=True)
 class EdgeNoise:
-    """A running median of one stream's errors.
+    """The noise of one stream's edges, by the median of the latest.
 
     >>> noise = EdgeNoise()
-    >>> for _ in range(60):
+    >>> for _ in range(10):
     ...     noise.learn(np.full(4, 0.06))
     >>> round(noise.deviation, 2)
     0.09
     """
 
     deviation: float = _LEAST  # of the box's sides
+    _errors: deque[float] = field(default_factory=lambda: deque([_MEDIAN * _LEAST] * _PRIOR, maxlen=_KEPT))
 
-    def learn(self, error: FloatArray) -> None:
-        """Correct it by some edges, shape (N,), as shares of the sides; a few wild ones change it little."""
-        larger = np.count_nonzero(error > _MEDIAN * self.deviation)
-        deviation = self.deviation * float(np.exp(_LEARNS * (2.0 * larger - len(error))))
-        self.deviation = min(max(deviation, _LEAST), _MOST)
+    def learn(self, errors: FloatArray) -> None:
+        """Take over the errors of some edges, shape (N,), as shares of the sides; a few wild ones change it little."""
+        self._errors.extend(errors.tolist())
+        self.deviation = min(max(float(np.median(self._errors)) / _MEDIAN, _LEAST), _MOST)
 
 
 @dataclass(slots=True)
@@ -47,11 +50,17 @@ class BoxSteps:
     ...     excess = steps.excess(np.full(4, step))
     >>> steps.excess(np.array([0.3, 0.0, 0.3, 0.0])).round(2).tolist()
     [0.3, 0.0, 0.3, 0.0]
+    >>> steps.noise is None, steps.noise.round(2).tolist()
+    (False, [0.19, 0.0, 0.19, 0.0])
     """
+
+    noise: FloatArray | None = None  # of one told edge, (4,), by the latest step; None until some are known
 
     _latest: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_STEPS))
 
     def excess(self, step: FloatArray) -> FloatArray:
         """By how much a step of the edges, shape (4,), in sides, is larger than the median of the latest."""
+        if len(self._latest) >= _KNOWN:  # both boxes of a step err, and a little their median
+            self.noise = np.abs(step - np.median(np.array(self._latest), axis=0)) / _OF_A_STEP
         self._latest.append(step)
         return np.asarray(step - np.median(np.array(self._latest), axis=0))

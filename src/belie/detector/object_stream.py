@@ -336,7 +336,7 @@ class ObjectStream:
         if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
             track.phantom.why = "it is leaving the view"
             return
-        told = (None, None) if track.cover_then > _HIDDEN_FOOT else self.scene.evidence(track)
+        told = self.scene.evidence(track, sees_foot=track.cover_then <= _HIDDEN_FOOT)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return

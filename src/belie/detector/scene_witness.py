@@ -117,25 +117,17 @@ class SceneWitness:
                     self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
-    def evidence(self, track: ObjectTrack) -> tuple[float | None, float | None]:
+    def evidence(self, track: ObjectTrack, *, sees_foot: bool = True) -> tuple[float | None, float | None]:
         """Log-likelihood ratios, nats, for a box with the background in it; None where it cannot be told.
 
-        That the scene passes through the box, and that its corners lie on the ground or the wall.
+        That the scene passes through the box, and that its corners lie on the ground or the wall. `sees_foot`: no other
+        box may hide where it ends.
         """
-        self._learn_noise(track)
         steady_px = self._without_jump(track)
-        if not self._has_moved or len(self._poses) < 2:
+        if not sees_foot or not self._has_moved or len(self._poses) < 2:
             return None, None
         depths = self._depths(track)
         return self._passing(track, steady_px, depths), self._lying(track, depths)
-
-    def _learn_noise(self, track: ObjectTrack) -> None:
-        """Hold the edges of a told box against where the pixels say that they should be."""
-        told, motion = track.carried_px, track.motion
-        if told is None or motion is None or track.phantom.accused:
-            return
-        error = np.abs(told - motion.box_px) / np.tile(told[2:] - told[:2], 2)
-        track.edges.learn(error[~self._cut(told, track.edges)])
 
     def _without_jump(self, track: ObjectTrack) -> FloatArray | None:
         """Its told box, but for a jump against its pixels; its corners are held against the box without from then on.
@@ -152,7 +144,11 @@ class SceneWitness:
         moved = motion.box_px - track.history[-1 - frames][1]
         size = np.tile(told[2:] - told[:2], 2)
         excess = track.steps.excess((told - before - moved) / size)
-        jumps = (np.abs(excess) > _SIGMAS * track.edges.deviation) & ~self._cut(told, track.edges)
+        free = ~self._cut(told, track.edges)
+        jumps = (np.abs(excess) > _SIGMAS * track.edges.deviation) & free
+        if track.steps.noise is not None and not track.phantom.accused:
+            # How steadily a scene passes through a box that shows it is no error of the box.
+            track.edges.learn(track.steps.noise[free])
         older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
         if not jumps.any() or not older.any():
             return told
