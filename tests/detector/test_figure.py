@@ -220,3 +220,27 @@ def test_who_goes_out_of_sight_is_not_hidden() -> None:
 def test_an_honest_detector_is_believed() -> None:
     alerts, _ = watch(hidden=(30, 44, 45, 58, 70))
     assert alerts == []
+
+
+def ghost(estimate: VisualEstimate | None) -> list[tuple[int, AlertType]]:
+    """A street without anybody, in which a detector sees a person for nine messages."""
+    config = Config()
+    stage, book = ObjectStage(MODEL, config.objects, config.tracking, 0.1), AlertBook()
+    imagined = Detection(label="person", score=0.9, track_id="7", box_px=np.array([200.0, 100, 260, 190]))
+    alerts = []
+    for k in range(FRAMES):
+        stamp_ns = k * FRAME_NS
+        claim = DetectionClaim(
+            source="/detections", stamp_ns=stamp_ns, received_ns=stamp_ns,
+            detections=(imagined,) if 40 <= k < 49 else (),
+        )  # fmt: skip
+        stage.take((claim,), stamp_ns)
+        frame = Frame(camera="/image", stamp_ns=stamp_ns, received_ns=stamp_ns, image=image(k, False))
+        judgements = stage.update(frame, estimate, (BLANK, BLANK[:, 0], BLANK[:, 0]) if estimate else None)
+        alerts += [(k, a.type) for a in book.raise_new(judgements, stamp_ns)]
+    return alerts
+
+
+def test_what_stood_there_all_the_time_untold_is_not_hidden_when_it_is_untold_again() -> None:
+    assert ghost(STANDS) == []
+    assert [a[1] for a in ghost(None)] == [AlertType.OBSTACLE_HIDING]  # who does not know that it stood there

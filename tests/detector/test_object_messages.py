@@ -101,7 +101,7 @@ def test_one_id_for_all_objects_is_no_id(name):
 def test_one_image_is_one_piece_of_evidence(monkeypatch):
     watch, scene = Watch(), Scene(speed=1.0)
     monkeypatch.setattr(
-        SceneWitness, "evidence", lambda *_: (None, 6.0 if len(watch.answers) in (20, 21) else -6.0)
+        SceneWitness, "evidence", lambda *_, **__: (None, 6.0 if len(watch.answers) in (20, 21) else -6.0)
     )
     for k in range(30):
         stamps = [k * FRAME_NS - i * FRAME_NS // 3 for i in (2, 1, 0)]
@@ -295,7 +295,7 @@ def test_what_was_told_in_the_stead_of_a_hidden_object_is_hidden_by_nobody():
 
 def test_a_phantom_that_is_not_told_of_is_no_lie_of_that_message(monkeypatch):
     watch, scene = Watch(), Scene(speed=1.0)
-    monkeypatch.setattr(SceneWitness, "evidence", lambda *_: (None, 6.0))
+    monkeypatch.setattr(SceneWitness, "evidence", lambda *_, **__: (None, 6.0))
     for k in range(30):
         detections = (told(watch.near(scene.box(k))),) if k not in (20, 21) and k < 25 else ()
         watch.step(k, scene.image(k), message(k * FRAME_NS, *detections))

@@ -72,7 +72,7 @@ def test_a_hidden_object_is_named_within_six_messages(onset):
 
 
 def test_a_box_with_nothing_in_it_is_not_hidden_when_it_goes(monkeypatch):
-    monkeypatch.setattr("belie.detector.scene_witness.SceneWitness.evidence", lambda *_: (None, 6.0))
+    monkeypatch.setattr("belie.detector.scene_witness.SceneWitness.evidence", lambda *_, **__: (None, 6.0))
     alerts, results, _ = watch(Scene(), hidden=range(20, 40))
     assert [a[1:3] for a in alerts] == [("obstacle_injection", "7")]
     lies = [k for k, answers in enumerate(results) if answers["injection"].status is Status.CONTRADICTED]

@@ -18,6 +18,7 @@ from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import in_view
 from belie.detector.scene_witness import SceneWitness
+from belie.detector.told_before import ToldBefore
 from belie.geometry import CameraModel, FloatArray
 from belie.geometry.boxes import are_apart, longer_side, overlaps, projected_box_px, root_area
 from belie.odometry.local_features import ImageStack
@@ -64,6 +65,7 @@ class ObjectStream:
     shares: ObjectShares = field(init=False)
     memory: ObjectMemory = field(init=False)
     edges: EdgeNoise = field(default_factory=EdgeNoise)
+    told_before: ToldBefore = field(default_factory=ToldBefore)
     _made: int = 0
     _stand_ins: set[int] = field(default_factory=set)  # numbers of objects
     _steps_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STEPS))  # between messages
@@ -204,6 +206,7 @@ class ObjectStream:
         self._stand_ins &= {track.number for track in self.tracks}
         kept = {id(track) for track in self.tracks}
         self.memory.drop(track for track in before if id(track) not in kept)
+        self.told_before.keep(boxes, claim.stamp_ns)
         self.shares.weigh(self.tracks)
 
     def _look_through(
@@ -358,8 +361,10 @@ class ObjectStream:
             met_ns=stamp_ns,
             born_id=detection.track_id,
         )
-        track.weight = _weight(detection.score) * _sight(box)
-        track.votes[self.settings.classes.of(detection.label)] = track.weight
+        vote = _weight(detection.score) * _sight(box)
+        track.votes[self.settings.classes.of(detection.label)] = vote
+        # What stood there all the time is as likely no object, or one that the detector cannot see.
+        track.weight = vote - _FULL_VOTE * self.told_before.missed(box, self.background, stamp_ns)
         track.take_over(detection, box)
         self.tracks.append(track)
         return track

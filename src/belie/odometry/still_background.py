@@ -21,9 +21,11 @@ NO_DIFFERENCE = 128  # gray, of an image of differences: 128 + half the differen
 
 _KEYS = 5  # images, of which the median is the background
 _APART_NS = 500_000_000  # between them: who walks clears his own width in less than a second, two of the five
+STOOD_NS = 2 * _APART_NS  # for so long, at least, has been there what the median of five images shows
 _STILL_PX = 0.25  # displacement from image to image: a standing camera's is told to 0.05 px
 _TURNED_PX = 1.0  # since the last of those images
 _CHANGED, _MOST_CHANGED = 6.0, 0.3  # times the noise; share of the pixels: exposure, a lorry, the sun
+_LEAST_CHANGED = 0.1  # share of a box's pixels, of what came into it: the thinnest walker fills more
 _SAMPLE_STRIDE = 8
 _MEDIAN_NOISE = 1.13  # of an image less the median of five, times an image's
 
@@ -111,6 +113,16 @@ class StillBackground:
         if not self._is_asked:
             self._difference, self._is_asked = self._subtracted(), True
         return self._difference
+
+    def shows(self, box_px: FloatArray) -> bool:
+        """Whether nothing in a box (4,) has changed for a while; False where no background is known."""
+        difference = self.difference()
+        if difference is None:
+            return False
+        x0, y0, x1, y1 = np.maximum(np.round(box_px), 0.0).astype(int).tolist()
+        told = difference.level(0)[y0:y1, x0:x1].astype(np.int16)
+        changed = np.abs(told - NO_DIFFERENCE) > _CHANGED * difference.noise
+        return told.size > 0 and float(changed.mean()) < _LEAST_CHANGED
 
     def _subtracted(self) -> Difference | None:
         if len(self._keys) < _KEYS or self._seen is None:
