@@ -54,8 +54,8 @@ def background_evidence(
     foot_error : float
         Of it: a road that rises or a nodding camera moves the foot of whatever is far away.
     tilt : float
-        Of it and of the background, alike: by so much the ground may lie elsewhere than it was fitted. Each explanation
-        is given what fits it best; that a ground recedes row by row, and an object does not, still tells them apart.
+        Of it: by so much the ground may lie elsewhere than it was fitted. The object is given what fits it best; not
+        the background, or whatever moves would be explained by a plane that lies where there is none.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def background_evidence(
     rho, width = inverse_depth[telling], width[telling]
     object_width = np.abs(deviation[telling]) + _FOOT * abs(foot) + foot_error
     shifts = np.linspace(-tilt, tilt, _SHIFTS)[:, None] if tilt else np.zeros((1, 1))
-    as_background = _best(np.abs(rho - background[telling] - shifts) / width)
+    as_background = np.abs(rho - background[telling]) / width
     feet = foot + shifts
     as_object = _best(np.maximum(np.maximum(_BEHIND * feet - rho, rho - _BEFORE * feet), 0.0) / object_width)
     explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))
