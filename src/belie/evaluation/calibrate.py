@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from operator import attrgetter
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class Calibration:
 
 def _value(config: Config, name: str) -> float:
     """A number among the settings, by dotted name."""
-    return float(reduce(getattr, name.split("."), config))  # type: ignore[arg-type]
+    return float(attrgetter(name)(config))
 
 
 def calibrate(

@@ -77,9 +77,8 @@ def background_evidence(
         return None
     rho, width = inverse_depth[telling], width[telling]
     object_width = np.abs(deviation[telling]) + _FOOT * abs(foot) + foot_error
-    shifts = np.linspace(-tilt, tilt, _SHIFTS)[:, None] if tilt else np.zeros((1, 1))
     as_background = np.abs(rho - background[telling]) / width
-    feet = foot + shifts
+    feet = foot + np.linspace(-tilt, tilt, _SHIFTS)[:, None]
     as_object = _best(np.maximum(np.maximum(_BEHIND * feet - rho, rho - _BEFORE * feet), 0.0) / object_width)
     explained = np.isfinite(rho) & ((as_background < 2.0) | (as_object < 2.0))
     if explained.sum() < max(_LEAST_CORNERS, _DECIDED * len(rho)):
