@@ -25,7 +25,8 @@ def texture(seed, width, height, contrast=60.0, cell=6):
 class Thing:
     """Something on the street: pasted at its box, told of under its id where `told` says so."""
 
-    def __init__(self, name, picture, box, told=lambda k: True, label="car"):
+    def __init__(self, name, picture, box, told=lambda k: True, label="car", off=0.0):
+        self.off_px = np.array([off, 0.0, off, 0.0])
         self.name, self.picture, self.box, self.told, self.label = name, picture, box, told, label
 
     def paste(self, image, k):
@@ -53,7 +54,9 @@ def watch(things, frames, *, noise=1.5, jitter=1.0, backdrop=None):
         for thing in things:
             thing.paste(image, k)
             if thing.told(k):
-                box = np.clip(thing.box(k) + rng.normal(0.0, jitter, 4), 0.0, [WIDTH, HEIGHT] * 2)
+                box = np.clip(
+                    thing.box(k) + thing.off_px + rng.normal(0.0, jitter, 4), 0.0, [WIDTH, HEIGHT] * 2
+                )
                 told.append(Detection(label=thing.label, score=0.9, track_id=thing.name, box_px=box))
         image = np.clip(np.round(image + rng.normal(0.0, noise, image.shape)), 0, 255).astype(np.uint8)
         now = k * FRAME_NS
@@ -197,3 +200,20 @@ def test_who_drives_up_and_covers_all_of_it_hides_an_object():
     alerts, results, _ = watch([far, Thing("near", texture(2, 180, 120), drives)], 50)
     assert alerts == []
     assert "far is missing" in results[22]["hiding"].reason
+
+
+def retold(name, off, told):
+    """The same parked car, told of a little to the right."""
+    return Thing(name, texture(1, 60, 40), stand(200, 140, 260, 180), told, off=off)
+
+
+def test_who_comes_back_under_a_new_id_is_not_hidden():
+    """As far off as the edges of this detector let it be: 5 px of 40 to 60, and 12 px besides."""
+    cars = retold("7", 0.0, before(20)), retold("8", 12.0, lambda k: k > 22)
+    assert watch(cars, 50, jitter=5.0)[0] == []
+
+
+def test_a_box_beside_the_place_of_a_missing_object_is_another_ones():
+    """Its corners keep their places: it is where they are, not 24 px beside."""
+    cars = retold("7", 0.0, before(20)), retold("8", 24.0, lambda k: k > 22)
+    assert ("obstacle_hiding", "7") in [alert[1:] for alert in watch(cars, 50)[0]]

@@ -118,9 +118,11 @@ def other_place(k):
 
 
 def new_id(k):
-    scene, off = Scene(speed=1.0), 0.39 * SIDE * np.array([1.0, 0.0, 1.0, 0.0])
-    box = scene.box(k)
-    return scene.image(k), {"7": box} if k < 20 else {"8": box + off} if k > 22 else {}
+    scene, cover = Scene(speed=0.0), np.array([24.0, 140.0, 60.0 + 0.5 * SIDE, 220.0])
+    box, off = scene.box(k), 0.39 * SIDE * np.array([1.0, 0.0, 1.0, 0.0])
+    image = scene.image(k)
+    place(image, texture(5, 72, 80), 24, 140)
+    return image, {"9": cover} | ({"7": box} if k < 20 else {"8": box + off} if k > 22 else {})
 
 
 def flood(k):

@@ -33,6 +33,7 @@ _SAME_ID = 0.3  # what an equal track id is worth, in IoU
 # Of an object and a detection under another id that does not hold its corners. Edges that are each 5 % of the side off
 # (detector and prediction) leave an IoU of 0.84 with a standard deviation of 0.06; below, it is what stands behind.
 _LEAST_OF_STRANGERS = 0.6
+_LOST_BY_NOISE = 8.0  # IoU, a deviation of the edges: in the mean 3.2 (as above), and four times 1.2 besides
 _MOST_CORNERS = 0.9  # share of an object's corners that lie in its box
 
 
@@ -71,6 +72,15 @@ def assign(
     fits = iou >= least
     rows, columns = linear_sum_assignment(np.where(fits, iou + _SAME_ID * same, 0.0), maximize=True)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if fits[r, c]}
+
+
+def own_overlap(deviation: float) -> float:
+    """Least IoU of an object and its box under another id; `deviation`: of detected edges, as a share of the side.
+
+    >>> [round(own_overlap(deviation), 2) for deviation in (0.05, 0.07, 0.2)]
+    [0.6, 0.44, 0.25]
+    """
+    return float(np.clip(1.0 - _LOST_BY_NOISE * deviation, LEAST_OVERLAP, _LEAST_OF_STRANGERS))
 
 
 def _reached(boxes: FloatArray, detected: FloatArray) -> npt.NDArray[np.bool_]:

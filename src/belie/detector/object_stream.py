@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings
-from belie.detector.association import LEAST_OVERLAP, assign, named
+from belie.detector.association import LEAST_OVERLAP, assign, named, own_overlap
 from belie.detector.covering import Covering
 from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_habits import ObjectHabits
@@ -173,10 +173,9 @@ class ObjectStream:
             untold = without_boxes(untold, carried)
         for k, i in enumerate(lost):
             share = float(covering.share[k])
-            track, new = self.tracks[i], np.ones(len(boxes), dtype=bool)
-            new[[j for m, j in found.items() if self.tracks[m].met_ns <= track.last_seen_ns]] = False
-            is_told = _may_be(track, then[i], boxes[new])
-            track.retold = track.retold + 1 if is_told else 0
+            track = self.tracks[i]
+            is_told = self._may_be_told(track, then[i], boxes, found)
+            track.retold += is_told
             track.look_for(untold, claim.stamp_ns, self.scene.frame)
             self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
@@ -208,6 +207,21 @@ class ObjectStream:
         self.memory.drop(track for track in before if id(track) not in kept)
         self.told_before.keep(boxes, claim.stamp_ns)
         self.shares.weigh(self.tracks)
+
+    def _may_be_told(
+        self, track: ObjectTrack, own_px: FloatArray, boxes: FloatArray, found: dict[int, int]
+    ) -> bool:
+        """Whether a box of a message, under an id that just came up, may be an object that it does not tell of."""
+        new = np.ones(len(boxes), dtype=bool)
+        for m, j in found.items():
+            other = self.tracks[m]
+            new[j] = other.met_ns > track.last_seen_ns and other.detections <= _RETOLD
+        if not new.any():
+            return False
+        keeps = track.keeps_place(self.settings)
+        least = own_overlap(self.edges.deviation) if keeps else LEAST_OVERLAP
+        near = boxes[new][overlaps(own_px[None], boxes[new])[0][0] >= least]
+        return any(track.share_in(box, own_px) >= _HALF_HELD for box in near)
 
     def _look_through(
         self, covering: Covering, boxes: FloatArray, tracks: dict[int, int], then: FloatArray
@@ -368,15 +382,6 @@ class ObjectStream:
         track.take_over(detection, box)
         self.tracks.append(track)
         return track
-
-
-def _may_be(track: ObjectTrack, own_px: FloatArray, boxes: FloatArray) -> bool:
-    """Whether one of several boxes (N, 4), told under ids that came up since, may be an object with the box `own_px`.
-
-    After a gap a detector gives it a new id, and where it should be is known less well: then most of its corners tell.
-    """
-    near = np.flatnonzero(overlaps(own_px[None], boxes)[0][0] >= LEAST_OVERLAP) if len(boxes) else ()
-    return any(track.share_in(boxes[j], own_px) >= _HALF_HELD for j in near)
 
 
 def _has_no_box(detection: Detection) -> bool:

@@ -93,7 +93,8 @@ class ObjectTrack:
     carried_px: FloatArray | None = None  # the same, carried to that image; None if it cannot be
     placed_ns: int = 0  # stamp from which on it is known where it was
     cut_off: int = 0  # messages in a row that missed it while the image's border cut it off
-    retold: int = 0  # messages in a row in which a box under a new id may be it
+    told_frame: int = -1  # frame count when it was last told of
+    retold: int = 0  # messages since then in which a box under a new id may be it
     told_area_px2: float = 0.0  # of the last detected box
     told_label: str = ""
     told_id: str = ""
@@ -231,6 +232,16 @@ class ObjectTrack:
         proven = self.ages >= _PROVEN
         return np.asarray(proven & ~inside(self.corners_px, self.covers))
 
+    def keeps_place(self, settings: ObjectSettings) -> bool:
+        """Whether it is known where it is though nobody tells of it: by corners that were its own when it was told of.
+
+        Not where others may hide much of it: what is followed may be theirs.
+        """
+        if self.is_soft or self.hidden_then > settings.most_covered:
+            return False
+        then = self._leads() & (self.births < self.told_frame)
+        return int(np.count_nonzero(then)) >= settings.least_present * self.corners_then
+
     @property
     def is_soft(self) -> bool:
         """Whether its corners do not last: then its picture as a whole must speak for it."""
@@ -301,7 +312,7 @@ class ObjectTrack:
         if self.carried_px is not None and unplaced.any():  # late: what is seen of them begins now
             self.born_places[unplaced] = self._born_places(self.corners_px[unplaced])
             self.born_px[unplaced], self.births[unplaced] = self.corners_px[unplaced], frame
-        self.covers = covers
+        self.covers, self.told_frame, self.retold = covers, frame, 0
         self._search(current, settings, frame)
         covered = inside(self.corners_px, covers)
         self.ages[covered] = 0
