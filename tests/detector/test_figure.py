@@ -167,8 +167,8 @@ def test_late_messages_do_not_teach_what_stands_where_it_went_away() -> None:
 def test_a_few_corners_do_not_vouch_for_what_its_figure_denies() -> None:
     at, habit = np.array([100.0, 80.0, 122.0, 132.0]), Habit(0.05, 0.02, 40, 10)
     track = ObjectTrack("7", "7", "person", at, ErrorTest(habit), ErrorTest(habit), weight=9.0)
-    track.corners_px = track.places = np.full((4, 2), 110.0)
-    track.ages, track.corners_then = np.full(4, 5), 4
+    track.corners.px = track.corners.places = np.full((4, 2), 110.0)
+    track.corners.ages, track.corners_then = np.full(4, 5), 4
     assert track.absence((WIDTH, HEIGHT), Config().objects) == ""
     track.looks.figure.evidence = -4.0
     assert track.absence((WIDTH, HEIGHT), Config().objects).startswith("occluded or gone")

@@ -80,7 +80,7 @@ def test_what_hangs_on_a_wall_neither_moves_nor_leaves_its_box_however_late_it_i
         stage.update(frame, estimate_at(k) if k else None)
         if k > 10:
             (track,) = stage.streams["/d"].tracks
-            strays.append(places_in(track.told_before[1], track.corners_px) - track.born_places)
+            strays.append(places_in(track.told_before[1], track.corners.px) - track.corners.born_places)
     assert np.abs(track.speed_px_s).max() < 15.0  # of 250 px/s that the camera shakes
     assert np.abs(np.concatenate(strays)).max() < 0.15  # of 0.6 that its image moves before it is told of
 

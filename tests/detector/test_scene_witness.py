@@ -59,9 +59,9 @@ def track_of(told):
 def with_corners(witness, track, points, *, born, box_then, told):
     """Give it corners on points of a still scene that were found a while ago, in a box that was told then."""
     then_px, now_px = (CAMERA.project(moved(points, k)) for k in (born, witness.frame))
-    track.born_px, track.corners_px = then_px, now_px
-    track.births, track.ages = np.full(len(points), born), np.full(len(points), 3)
-    track.born_places, track.places = places_in(box_then, then_px), places_in(told, now_px)
+    track.corners.born_px, track.corners.px = then_px, now_px
+    track.corners.births, track.corners.ages = np.full(len(points), born), np.full(len(points), 3)
+    track.corners.born_places, track.corners.places = places_in(box_then, then_px), places_in(told, now_px)
     track.history.extend((k, box_then) for k in range(3))
 
 
@@ -91,7 +91,7 @@ def test_what_was_in_the_middle_and_has_left_the_box_passed_through_it():
     witness = watched(scene, shown=still_scene(wall=False))
     track = track_of(HIGH)
     with_corners(witness, track, on_wall(HIGH, 14.0, 3), born=3, box_then=HIGH, told=HIGH)
-    assert (places_in(HIGH, track.corners_px)[:, 0] < 0.2).all()  # now none is in the middle
+    assert (places_in(HIGH, track.corners.px)[:, 0] < 0.2).all()  # now none is in the middle
     assert passing(witness, track) > 5.0
 
 
@@ -102,12 +102,12 @@ def test_corners_too_young_to_have_strayed_take_nothing_back():
     with_corners(witness, track, old, born=1, box_then=HIGH, told=HIGH)
     alone = passing(witness, track)
     then_px, now_px = (CAMERA.project(moved(young, k)) for k in (4, 5))
-    track.born_px, track.corners_px = (
-        np.concatenate(p) for p in ((track.born_px, then_px), (track.corners_px, now_px))
+    track.corners.born_px, track.corners.px = (
+        np.concatenate(p) for p in ((track.corners.born_px, then_px), (track.corners.px, now_px))
     )
-    track.births, track.ages = np.append(track.births, [4] * 4), np.full(8, 3)
-    track.born_places = np.concatenate([track.born_places, places_in(HIGH, then_px)])
-    strayed = np.abs(places_in(HIGH, track.corners_px) - track.born_places).max(axis=1)
+    track.corners.births, track.corners.ages = np.append(track.corners.births, [4] * 4), np.full(8, 3)
+    track.corners.born_places = np.concatenate([track.corners.born_places, places_in(HIGH, then_px)])
+    strayed = np.abs(places_in(HIGH, track.corners.px) - track.corners.born_places).max(axis=1)
     assert strayed[:4].min() > 0.2 > strayed[4:].max()
     assert passing(witness, track) == alone > 5.0
 
@@ -120,8 +120,8 @@ def test_corners_that_go_where_the_box_goes_take_back_what_passed():
     track = track_of(LOW)
     track.phantom.add(6.0, None, 15.0, 0)
     with_corners(witness, track, car, born=3, box_then=then, told=LOW)
-    track.born_places = track.places
-    track.born_px = track.corners_px - 120.0
+    track.corners.born_places = track.corners.places
+    track.corners.born_px = track.corners.px - 120.0
     assert passing(witness, track) is None  # that it rides does not say that it stands there
     assert track.phantom.statistic == 0.0
 
@@ -132,7 +132,7 @@ def test_an_edge_at_the_image_border_is_no_place_to_hold_corners_against():
     told, then = np.array([2.0, 40.0, 60.0, 110.0]), np.array([2.0, 40.0, 75.0, 110.0])
     track = track_of(told)
     with_corners(witness, track, on_wall(told, 22.0, 5, 6), born=4, box_then=then, told=told)
-    strayed = np.abs(places_in(told, track.corners_px) - track.born_places)
+    strayed = np.abs(places_in(told, track.corners.px) - track.corners.born_places)
     assert (strayed[:, 0] > 0.2).all()
     assert passing(witness, track) is None
 
@@ -155,7 +155,7 @@ def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitt
     track = track_of(HIGH)
     track.edges = edges if own else EdgeNoise()
     with_corners(witness, track, on_wall(HIGH, 20.0, 4), born=4, box_then=HIGH, told=HIGH)
-    strayed = np.abs(places_in(HIGH, track.corners_px) - track.born_places).max(axis=1)
+    strayed = np.abs(places_in(HIGH, track.corners.px) - track.corners.born_places).max(axis=1)
     assert ((strayed > 0.25) & (strayed < 0.4)).all()
     assert (passing(witness, track) is not None) == passes
 
@@ -177,7 +177,7 @@ def test_a_box_that_jumps_off_its_object_once_is_no_phantom(stands_there):
         if k == 1:
             with_corners(witness, track, points, born=1, box_then=told, told=told)
             track.history.clear()
-        track.corners_px, track.told_px, track.carried_px = CAMERA.project(moved(points, k)), told, told
+        track.corners.px, track.told_px, track.carried_px = CAMERA.project(moved(points, k)), told, told
         expected = gone[k] if stands_there else HIGH + gone[k] - gone[k - 1]
         track.motion = type("Motion", (), {"box_px": expected, "error_px2": 1.0})()
         track.history.append((k, gone[k] if stands_there else HIGH))
@@ -200,9 +200,11 @@ def test_corners_that_stay_where_others_pass_are_the_objects():
     with_corners(witness, track, on_wall(HIGH, 30.0, 1, 3), born=1, box_then=HIGH, told=HIGH)
     alone = passing(witness, track)
     px = HIGH[:2] + np.array([0.4, 0.5, 0.6])[:, None] * (HIGH[2:] - HIGH[:2])
-    track.born_px, track.corners_px = (np.concatenate([p, px]) for p in (track.born_px, track.corners_px))
-    track.births, track.ages = np.append(track.births, [4] * 3), np.full(6, 3)
-    track.born_places = np.concatenate([track.born_places, places_in(HIGH, px)])
+    track.corners.born_px, track.corners.px = (
+        np.concatenate([p, px]) for p in (track.corners.born_px, track.corners.px)
+    )
+    track.corners.births, track.corners.ages = np.append(track.corners.births, [4] * 3), np.full(6, 3)
+    track.corners.born_places = np.concatenate([track.corners.born_places, places_in(HIGH, px)])
     assert alone > 3.0 > 0.0 > passing(witness, track)
 
 

@@ -12,7 +12,15 @@ from belie.detector.association import LEAST_OVERLAP, assign, named, own_overlap
 from belie.detector.covering import Covering
 from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_habits import ObjectHabits
-from belie.detector.object_identity import call_by_ids, make_room, new_name, stand_ins, without_doubles
+from belie.detector.object_identity import (
+    FULL_VOTE,
+    call_by_ids,
+    make_room,
+    new_name,
+    stand_ins,
+    vote_of,
+    without_doubles,
+)
 from belie.detector.object_memory import ObjectMemory, end_misses, note_cut_off
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack
@@ -28,9 +36,7 @@ from belie.types import Detection, DetectionClaim
 
 _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
 _STEPS = 9  # messages from which their rate is told
-_HALF_SIGHT_PX = 24.0  # side at which a label counts half
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
-_FULL_VOTE = 2.0  # of a sure detection of a large object
 _HALF_HELD = 0.5  # of an object's corners
 _RETOLD = 2  # messages under another id, after which that is its own
 _STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
@@ -290,7 +296,7 @@ class ObjectStream:
         group = s.classes.of(detection.label)
         is_anothers = bool(detection.track_id) and owner is not None and owner is not track
         swapped = known and is_anothers and owner is not None and are_apart(track.box_px, owner.box_px)
-        vote = _weight(detection.score) * _sight(box)
+        vote = vote_of(detection.score, box)
         misnamed = known and group != track.group and track.votes.get(track.group, 0.0) >= _LEAST_VOTE
         track.hiding.right(self.interval_s, root_area(track.box_px))
         track.accused_ns = None
@@ -334,7 +340,7 @@ class ObjectStream:
 
     def _is_sure_of(self, track: ObjectTrack) -> bool:
         """Whether the name it had till now could be the error: by the same test as the new one."""
-        messages = int(track.votes[track.group] / _FULL_VOTE)
+        messages = int(track.votes[track.group] / FULL_VOTE)
         first, each = (
             self.misnamed.wrong(track.naming.own, after, self.interval_s) for after in (False, True)
         )
@@ -375,10 +381,10 @@ class ObjectStream:
             met_ns=stamp_ns,
             born_id=detection.track_id,
         )
-        vote = _weight(detection.score) * _sight(box)
+        vote = vote_of(detection.score, box)
         track.votes[self.settings.classes.of(detection.label)] = vote
         # What stood there all the time is as likely no object, or one that the detector cannot see.
-        track.weight = vote - _FULL_VOTE * self.told_before.missed(box, self.background, stamp_ns)
+        track.weight = vote - FULL_VOTE * self.told_before.missed(box, self.background, stamp_ns)
         track.take_over(detection, box)
         self.tracks.append(track)
         return track
@@ -392,12 +398,3 @@ def _has_no_box(detection: Detection) -> bool:
         and detection.dimensions_m is None
         and (where is None or bool(where[2] > 0.0))
     )
-
-
-def _weight(score: float) -> float:
-    return _FULL_VOTE * min(max((score - 0.3) / 0.6, 0.1), 1.0)
-
-
-def _sight(box: FloatArray) -> float:
-    """What a detection counts of an object so large: far ones are mixed up with what stands before them."""
-    return min(1.0, 0.5 * longer_side(box) / _HALF_SIGHT_PX)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomT
 from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
 from belie.detector.edge_noise import BoxSteps, EdgeNoise
 from belie.detector.looks import Looks
+from belie.detector.object_corners import ObjectCorners
 from belie.detector.places import in_view, places_in
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
@@ -22,7 +23,6 @@ from belie.types import Detection
 
 _HISTORY = 16  # frames that a late message may refer to
 _TRUST = 0.5  # of a detected box against the predicted one: both are uncertain by a few per cent
-_PROVEN = 2  # detections
 _SPREAD = 0.9
 _LOST = 2  # corners
 _RESTS = 4  # frames
@@ -46,16 +46,7 @@ class ObjectTrack:
     number: int = 0  # in the order in which its detector's objects were met
     met_ns: int = 0  # stamp of the message that first told of it
     born_id: str = ""  # its track id in that message
-    corners_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    places: FloatArray = field(
-        default_factory=lambda: np.empty((0, 2))
-    )  # of the corners within the box, 0 to 1
-    ages: npt.NDArray[np.int64] = field(
-        default_factory=lambda: np.empty(0, dtype=np.int64)
-    )  # detections ridden
-    births: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # frame counts
-    born_px: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # where they were then
-    born_places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # in the box that was told then
+    corners: ObjectCorners = field(default_factory=ObjectCorners)
     phantom: PhantomTest = field(default_factory=PhantomTest)  # whether the box shows the background
     edges: EdgeNoise = field(default_factory=EdgeNoise)  # of its detector
     steps: BoxSteps = field(default_factory=BoxSteps)
@@ -85,8 +76,8 @@ class ObjectTrack:
     # That may hide it, at the last message.
     covers: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
     cover: CoverHabit = field(default_factory=CoverHabit)
-    # Corners, box, ages and births when it was last told of with no corner in a box that may cover it.
-    open_then: tuple[FloatArray, FloatArray, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None
+    # Corners and box when it was last told of with no corner in a box that may cover it.
+    open_then: tuple[ObjectCorners, FloatArray] | None = None
     called: str = ""  # its last label or id, where that is not its own
     is_swapped: bool = False  # that is an id
     told_px: FloatArray | None = None  # its detected box, if a message came since the last image
@@ -127,7 +118,7 @@ class ObjectTrack:
             self.growth, self.shift_px = 1.0, self.speed_px_s * step_s
         leads = self._leads() if self.hiding.length else None
         motion = follow_object(
-            view, current, self.box_px, self.corners_px, self.growth, self.shift_px + turn_px, settings, leads
+            view, current, self.box_px, self.corners.px, self.growth, self.shift_px + turn_px, settings, leads
         )
         self.turns_px.append(turn_px + (self.turns_px[-1] if self.turns_px else 0.0))
         self.motion, self.view = motion, motion.view
@@ -143,18 +134,10 @@ class ObjectTrack:
         else:
             self.growth = 1.0  # what is not seen to grow may be covered: it must not fill the image
         self.box_px = motion.box_px if is_led else motion.predicted_box_px
-        self.corners_px = motion.found_px
-        self._keep(motion.agreeing, self.ages)
+        self.corners.px = motion.found_px
+        self.corners.keep(motion.agreeing)
         self.contrast = motion.view.contrast
         self.history.append((stamp_ns, self.box_px))
-
-    def _keep(self, which: npt.NDArray[np.bool_], ages: npt.NDArray[np.int64]) -> None:
-        self.ages = ages
-        if which.all():
-            return
-        self.corners_px, self.places, self.ages = self.corners_px[which], self.places[which], ages[which]
-        self.births, self.born_px = self.births[which], self.born_px[which]
-        self.born_places = self.born_places[which]
 
     def box_at(self, stamp_ns: int) -> FloatArray:
         """Its box in the frame nearest to a stamp."""
@@ -198,7 +181,7 @@ class ObjectTrack:
 
     def share_in(self, box_px: FloatArray, own_px: FloatArray) -> float:
         """Share of its proven corners in a box that was told when its own was `own_px`; 1 if there are too few."""
-        places = self.places[self.ages >= _PROVEN]
+        places = self.corners.places[self.corners.proven]
         if len(places) < LEAST_CORNERS or self.motion is None or self.motion.error_px2 is None:
             return 1.0
         px = own_px[:2] - 0.5 + places * (own_px[2:] - own_px[:2])
@@ -212,11 +195,12 @@ class ObjectTrack:
         """
         if self.open_then is None:
             return np.zeros(len(boxes), dtype=bool)
-        corners_px, box_px, ages, births = self.open_then
-        then = places_in(box_px, corners_px)[ages >= _PROVEN]
-        own = (self.ages >= _PROVEN) & (self.births <= births[ages >= _PROVEN].max(initial=-1))
-        now = self._places_of(self.corners_px)[own]
-        return np.asarray(shown_through(boxes, own_px, then, now, self.places[own]))
+        before, box_px = self.open_then
+        then = places_in(box_px, before.px[before.proven])
+        newest = before.births[before.proven].max(initial=-1)
+        own = self.corners.proven & (self.corners.births <= newest)
+        now = places_in(self.box_px, self.corners.px[own])
+        return np.asarray(shown_through(boxes, own_px, then, now, self.corners.places[own]))
 
     @property
     def group(self) -> str:
@@ -229,8 +213,7 @@ class ObjectTrack:
         return int(np.count_nonzero(self._leads()))
 
     def _leads(self) -> npt.NDArray[np.bool_]:
-        proven = self.ages >= _PROVEN
-        return np.asarray(proven & ~inside(self.corners_px, self.covers))
+        return np.asarray(self.corners.proven & ~inside(self.corners.px, self.covers))
 
     def keeps_place(self, settings: ObjectSettings) -> bool:
         """Whether it is known where it is though nobody tells of it: by corners that were its own when it was told of.
@@ -239,7 +222,7 @@ class ObjectTrack:
         """
         if self.is_soft or self.hidden_then > settings.most_covered:
             return False
-        then = self._leads() & (self.births < self.told_frame)
+        then = self._leads() & (self.corners.births < self.told_frame)
         return int(np.count_nonzero(then)) >= settings.least_present * self.corners_then
 
     @property
@@ -305,19 +288,18 @@ class ObjectTrack:
 
         `covers`: boxes (N, 4) of others that may cover it; corners in them are those of the nearer object.
         """
-        places = self._places_of(self.corners_px)
-        rides = (np.abs(places - self.places) < DRIFTS).all(axis=1)
-        self._keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)), self.ages + 1)
-        unplaced = np.isnan(self.born_places).any(axis=1)
-        if self.carried_px is not None and unplaced.any():  # late: what is seen of them begins now
-            self.born_places[unplaced] = self._born_places(self.corners_px[unplaced])
-            self.born_px[unplaced], self.births[unplaced] = self.corners_px[unplaced], frame
+        places = places_in(self.box_px, self.corners.px)
+        rides = (np.abs(places - self.corners.places) < DRIFTS).all(axis=1)
+        self.corners.ages = self.corners.ages + 1
+        self.corners.keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)))
+        if self.carried_px is not None:
+            self.corners.bear_again(self.carried_px, frame)
         self.covers, self.told_frame, self.retold = covers, frame, 0
         self._search(current, settings, frame)
-        covered = inside(self.corners_px, covers)
-        self.ages[covered] = 0
+        covered = inside(self.corners.px, covers)
+        self.corners.ages[covered] = 0
         if not covered.any():
-            self.open_then = self.corners_px, self.box_px, self.ages, self.births
+            self.open_then = replace(self.corners), self.box_px
         self.told_before = None if self.carried_px is None else (frame, self.carried_px)
         self.corners_then = self.proven
         self.contrast_then = self.contrast
@@ -334,7 +316,7 @@ class ObjectTrack:
         self.covers = covers
         least = max(LEAST_CORNERS, settings.least_present * self.corners_then)
         if self.proven >= least and max(cover, self.hidden_then) <= settings.most_covered:
-            self.ages = self.ages + 1
+            self.corners.ages = self.corners.ages + 1
             self._search(current, settings, frame)
 
     def look_for(self, untold: ImageStack | None, stamp_ns: int, frame: int) -> None:
@@ -353,22 +335,19 @@ class ObjectTrack:
         self.last_found_ns = max(self.last_found_ns, stamp_ns)
 
     def _search(self, current: ImageStack, settings: ObjectSettings, frame: int) -> None:
-        missing = settings.corners - len(self.corners_px)
+        missing = settings.corners - len(self.corners)
         # Where the last search found all there is, another one does so only when some are lost, or after a while.
-        again = len(self.corners_px) < self.searched[0] - _LOST or frame >= self.searched[1]
+        again = len(self.corners) < self.searched[0] - _LOST or frame >= self.searched[1]
         if missing > settings.corners // 4 and again:
             if self.view is None or not self.view.fits(self.box_px):
                 self.view = View.of(current, window_of(self.box_px))
             inner = moved_box(self.box_px, _SPREAD, np.zeros(2))
-            fresh = local_corners(self.view, inner, missing, self.corners_px, current.noise)
+            fresh = local_corners(self.view, inner, missing, self.corners.px, current.noise)
             fresh = fresh[~inside(fresh, self.covers)]
-            self.searched = len(self.corners_px) + len(fresh), frame + (1 if len(fresh) else _RESTS)
-            self.corners_px = np.concatenate([self.corners_px, fresh])
-            self.places = np.concatenate([self.places, self._places_of(fresh)])
-            self.ages = np.concatenate([self.ages, np.zeros(len(fresh), dtype=np.int64)])
-            self.births = np.concatenate([self.births, np.full(len(fresh), frame)])
-            self.born_px = np.concatenate([self.born_px, fresh])
-            self.born_places = np.concatenate([self.born_places, self._born_places(fresh)])
+            self.searched = len(self.corners) + len(fresh), frame + (1 if len(fresh) else _RESTS)
+            is_late = self.carried_px is None and self.told_px is not None
+            told_px = None if is_late else self.box_px if self.carried_px is None else self.carried_px
+            self.corners.add(fresh, self.box_px, told_px, frame)
             if self.contrast == 0.0:
                 self.contrast = self.view.contrast
 
@@ -390,7 +369,7 @@ class ObjectTrack:
             return "occluded or gone: before the background, nothing like it is seen"
         if self.corners_then < LEAST_CORNERS:
             return f"too few corners on it: {self.corners_then}"
-        proven = self.proven if by_boxes else int(np.count_nonzero(self.ages >= _PROVEN))
+        proven = self.proven if by_boxes else int(np.count_nonzero(self.corners.proven))
         there = proven / self.corners_then
         if there < settings.least_present or proven < LEAST_CORNERS:
             if self.is_soft:  # some are lost in every image: that tells nothing
@@ -399,12 +378,3 @@ class ObjectTrack:
         if self.contrast < settings.least_contrast * self.contrast_then:
             return f"fading: {100 * self.contrast / self.contrast_then:.0f} % of its contrast is left"
         return ""
-
-    def _born_places(self, px: FloatArray) -> FloatArray:
-        """Where new corners lie in the box that was told; NaN where it cannot be carried to this image."""
-        if self.carried_px is None and self.told_px is not None:
-            return np.full((len(px), 2), np.nan)
-        return self._places_of(px, self.carried_px)
-
-    def _places_of(self, px: FloatArray, box_px: FloatArray | None = None) -> FloatArray:
-        return places_in(self.box_px if box_px is None else box_px, px)

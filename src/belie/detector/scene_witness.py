@@ -149,17 +149,17 @@ class SceneWitness:
         if track.steps.noise is not None and not track.phantom.accused:
             # How steadily a scene passes through a box that shows it is no error of the box.
             track.edges.learn(track.steps.noise[free])
-        older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
+        older = (track.corners.births < self.frame) & np.isfinite(track.corners.born_places).all(axis=1)
         if not jumps.any() or not older.any():
             return told
         steady = told - np.where(jumps, excess, 0.0) * size
-        places = places_in(told, track.corners_px)
-        off = places - places_in(steady, track.corners_px)
-        strays = places - track.born_places
+        places = places_in(told, track.corners.px)
+        off = places - places_in(steady, track.corners.px)
+        strays = places - track.corners.born_places
         with_jump, without = (np.median(np.abs(each[older]).max(axis=1)) for each in (strays, strays - off))
         if without >= with_jump:
             return told  # it is the pixels that were lost
-        track.born_places[older] += off[older]
+        track.corners.born_places[older] += off[older]
         return np.asarray(steady)
 
     def _cut(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
@@ -221,17 +221,17 @@ class SceneWitness:
 
     def _own_corners(self, track: ObjectTrack, told: FloatArray, depths: _Depths) -> _Corners:
         """The object's corners since they were found."""
-        older = (track.births < self.frame) & np.isfinite(track.born_places).all(axis=1)
+        older = (track.corners.births < self.frame) & np.isfinite(track.corners.born_places).all(axis=1)
         rho, _, still = depths
-        frames = self.frame - track.births
-        places = places_in(told, track.corners_px)
-        strays = places - track.born_places
+        frames = self.frame - track.corners.births
+        places = places_in(told, track.corners.px)
+        strays = places - track.corners.born_places
         for age in np.unique(frames[older]).tolist():
             which = frames == age
             then_px = track.history[max(len(track.history) - 1 - age, 0)][1]
             strays[which] *= self._is_whole(then_px, track.edges)
         return _Corners(
-            places[older], strays[older], (track.corners_px - track.born_px)[older], frames[older],
+            places[older], strays[older], (track.corners.px - track.corners.born_px)[older], frames[older],
             rho[older], still[older],
         )  # fmt: skip
 
@@ -312,7 +312,7 @@ class SceneWitness:
         scene_xy, scene_depth, scene_deviation = self._scene_within(track.box_px)
         depth = np.concatenate([np.where(still, depth, np.nan)[known], scene_depth])
         deviation = np.concatenate([deviation[known], scene_deviation])
-        xy = np.concatenate([self._undistorted(track.corners_px)[known], scene_xy])
+        xy = np.concatenate([self._undistorted(track.corners.px)[known], scene_xy])
         if len(xy) == 0:
             return None
         foot = self._foot(track.box_px)
@@ -345,18 +345,18 @@ class SceneWitness:
         """Inverse depth and deviation of its corners, as parts of a still scene, and whether they are; NaN: unknown."""
         poses = dict(self._poses)
         now = poses[self.frame]
-        depth = np.full(len(track.births), np.nan)
-        deviation = np.full(len(track.births), np.nan)
-        keeps_still = np.zeros(len(track.births), dtype=bool)
-        xy = self._undistorted(track.corners_px)
+        depth = np.full(len(track.corners.births), np.nan)
+        deviation = np.full(len(track.corners.births), np.nan)
+        keeps_still = np.zeros(len(track.corners.births), dtype=bool)
+        xy = self._undistorted(track.corners.px)
         sigma = _SIGMA_PX / self.camera.fx
-        for born in np.unique(track.births):
+        for born in np.unique(track.corners.births):
             if int(born) not in poses or born == self.frame:
                 continue
-            which = track.births == born
+            which = track.corners.births == born
             motion = now.inverse() @ poses[int(born)]
             rho, sd, still = static_inverse_depth(
-                self._undistorted(track.born_px[which]), xy[which], motion, sigma
+                self._undistorted(track.corners.born_px[which]), xy[which], motion, sigma
             )
             depth[which], deviation[which], keeps_still[which] = rho, sd, still
         return depth, deviation, keeps_still
