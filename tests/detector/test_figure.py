@@ -96,7 +96,7 @@ def figure_of(box_px: np.ndarray) -> tuple[Figure, ImageStack, np.ndarray]:
     cells = np.random.default_rng(5).uniform(-60.0, 60.0, (y1 - y0, x1 - x0))
     told[y0:y1, x0:x1] = NO_DIFFERENCE + cv2.GaussianBlur(cells, (0, 0), 2.0) * 3.0
     figure, difference = Figure(), ImageStack(told)
-    figure.meet(np.zeros(2), box_px)
+    figure.meet(0.0, float((box_px[2:] - box_px[:2]).max()))
     figure.learn(difference, box_px)
     return figure, difference, np.array([10.0, 0.0])
 

@@ -61,16 +61,14 @@ class BoxSteps:
     """
 
     noise: FloatArray | None = None  # of one told edge, (4,), by the latest step; None until some are known
-
+    _middle: FloatArray = field(default_factory=lambda: np.zeros(4))  # of the latest
     _latest: deque[FloatArray] = field(default_factory=lambda: deque(maxlen=_STEPS))
 
     def excess(self, step: FloatArray) -> FloatArray:
         """By how much a step of the edges, shape (4,), in sides, is larger than the median of the latest."""
         if len(self._latest) >= _KNOWN:  # both boxes of a step err, and a little their median
-            self.noise = np.abs(step - self._middle()) / _OF_A_STEP
+            self.noise = np.abs(step - self._middle) / _OF_A_STEP
         self._latest.append(step)
-        return np.asarray(step - self._middle())
-
-    def _middle(self) -> FloatArray:
-        """Their (upper) median, edge by edge."""
-        return np.asarray(np.sort(np.array(self._latest), axis=0)[len(self._latest) // 2])
+        # The (upper) median, edge by edge.
+        self._middle = np.sort(np.array(self._latest), axis=0)[len(self._latest) // 2]
+        return np.asarray(step - self._middle)

@@ -61,11 +61,11 @@ class Figure(Likeness):
         else:
             self._untold.clear()
 
-    def meet(self, off_px: FloatArray, box_px: FloatArray) -> None:
-        """It was told of, `off_px` (2,) from where it was expected."""
+    def meet(self, off_px: float, side_px: float) -> None:
+        """It was told of, so far from where it was expected; `side_px`: the longer one of its box."""
         self.told = 0.0
         self._strayed_px = np.zeros(2)
-        self._keeps_path = float(np.linalg.norm(off_px)) <= _STRAYS * longer_side(box_px)
+        self._keeps_path = off_px <= _STRAYS * side_px
 
     def look_for(
         self, untold: ImageStack | None, box_px: FloatArray, gone_px: FloatArray | None, frame: int

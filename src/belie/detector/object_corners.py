@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from belie.detector.covering import DRIFTS
 from belie.detector.places import places_in
-from belie.geometry import FloatArray
+from belie.geometry import FloatArray, compiled
 
 _PROVEN = 2  # detections
+_OUTSIDE = 0.05  # of the box's side: how far a corner of the object may lie outside its box
 
 
 def _no_points() -> FloatArray:
@@ -41,6 +44,7 @@ class ObjectCorners:
     born_px: FloatArray = field(default_factory=_no_points)  # (N, 2), where they were then
     # (N, 2), in the box that was told then; NaN where that is about another image, and not known in this one.
     born_places: FloatArray = field(default_factory=_no_points)
+    _late: bool = False  # some of those places are not known
 
     def __len__(self) -> int:
         return len(self.px)
@@ -61,6 +65,7 @@ class ObjectCorners:
     def add(self, px: FloatArray, box_px: FloatArray, told_px: FloatArray | None, frame: int) -> None:
         """Take over new ones (M, 2), found in the object's box; `told_px`: the box that was told, where it is known."""
         places = places_in(box_px, px)
+        self._late |= told_px is None
         born_places = np.full(px.shape, np.nan) if told_px is None else places_in(told_px, px)
         self.px = np.concatenate([self.px, px])
         self.places = np.concatenate([self.places, places])
@@ -71,7 +76,24 @@ class ObjectCorners:
 
     def bear_again(self, told_px: FloatArray, frame: int) -> None:
         """Those whose place in a told box was not known were told of late: what is seen of them begins now."""
-        unplaced = np.isnan(self.born_places).any(axis=1)
-        if unplaced.any():
+        if self._late:
+            self._late, unplaced = False, np.isnan(self.born_places[:, 0])
             self.born_places[unplaced] = places_in(told_px, self.px[unplaced])
             self.born_px[unplaced], self.births[unplaced] = self.px[unplaced], frame
+
+
+@compiled()
+def riding(box_px: Any, px: Any, places: Any) -> Any:
+    """Which corners (N, 2) of an object keep the places (N, 2) in its box that they were found at, (N,).
+
+    >>> box, places = np.array([0.0, 0.0, 10.0, 10.0]), np.array([[0.2, 0.5], [0.5, 0.5], [1.0, 0.5]])
+    >>> riding(box, np.array([[1.5, 4.5], [7.5, 4.5], [10.5, 4.5]]), places)
+    array([ True, False, False])
+    """
+    rides = np.zeros(px.shape[0], np.bool_)
+    width, height = max(box_px[2] - box_px[0], 1.0), max(box_px[3] - box_px[1], 1.0)
+    for k in range(px.shape[0]):
+        x, y = (px[k, 0] + 0.5 - box_px[0]) / width, (px[k, 1] + 0.5 - box_px[1]) / height
+        drift = max(abs(x - places[k, 0]), abs(y - places[k, 1]))
+        rides[k] = drift < DRIFTS and max(abs(x - 0.5), abs(y - 0.5)) < 0.5 + _OUTSIDE
+    return rides

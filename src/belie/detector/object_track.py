@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
@@ -9,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from belie.checks.objects import CoverHabit, ErrorTest, ObjectSettings, PhantomTest
-from belie.detector.covering import DRIFTS, LEAST_CORNERS, shown_through
+from belie.detector.covering import LEAST_CORNERS, shown_through
 from belie.detector.edge_noise import BoxSteps, EdgeNoise
 from belie.detector.looks import Looks
-from belie.detector.object_corners import ObjectCorners
+from belie.detector.object_corners import ObjectCorners, riding
 from belie.detector.places import in_view, places_in
 from belie.geometry import FloatArray
 from belie.geometry.boxes import inside, longer_side
@@ -233,7 +234,8 @@ class ObjectTrack:
     def take_over(self, detection: Detection, box_px: FloatArray) -> None:
         """Keep what a message says of it."""
         self.told_px, self.told_label, self.told_id = box_px, detection.label, detection.track_id
-        self.told_area_px2 = float(np.prod(box_px[2:] - box_px[:2]))
+        left, top, right, bottom = box_px.tolist()
+        self.told_area_px2 = (right - left) * (bottom - top)
 
     def detect(self, box_then_px: FloatArray, stamp_ns: int, size: tuple[int, int]) -> None:
         """Take over a detected box of an earlier or this frame: edges at the image's border tell nothing."""
@@ -243,7 +245,8 @@ class ObjectTrack:
         for k, border in enumerate((0.0, 0.0, *size)):
             is_cut = abs(told[k] - border) < 2.0 and (own[k] < border if k < 2 else own[k] > border)
             correction.append(0.0 if is_cut else growth[k % 2] * (told[k] - own[k]))
-        self.looks.figure.meet((box_then_px - self.box_at(stamp_ns)).reshape(2, 2).mean(axis=0), box_then_px)
+        off_px = 0.5 * math.hypot(*(told[k] + told[k + 2] - own[k] - own[k + 2] for k in (0, 1)))
+        self.looks.figure.meet(off_px, longer_side(box_then_px))
         weight = _TRUST if self.detections > 1 and not self.is_soft else 1.0
         self._learn_speed(box_then_px, stamp_ns)
         left, top, right, bottom = (edge + weight * c for edge, c in zip(now, correction, strict=True))
@@ -288,10 +291,8 @@ class ObjectTrack:
 
         `covers`: boxes (N, 4) of others that may cover it; corners in them are those of the nearer object.
         """
-        places = places_in(self.box_px, self.corners.px)
-        rides = (np.abs(places - self.corners.places) < DRIFTS).all(axis=1)
         self.corners.ages = self.corners.ages + 1
-        self.corners.keep(np.asarray(rides & (np.abs(places - 0.5) < 0.55).all(axis=1)))
+        self.corners.keep(riding(self.box_px, self.corners.px, self.corners.places))
         if self.carried_px is not None:
             self.corners.bear_again(self.carried_px, frame)
         self.covers, self.told_frame, self.retold = covers, frame, 0

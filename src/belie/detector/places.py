@@ -18,6 +18,16 @@ def places_in(box_px: FloatArray, px: FloatArray) -> FloatArray:
     return np.asarray((px - np.array([left - 0.5, top - 0.5])) / size)
 
 
+def sides_of(box_px: FloatArray) -> FloatArray:
+    """What a shift of each edge, shape (4,), is measured by: width, height, width, height.
+
+    >>> sides_of(np.array([0.0, 0.0, 10.0, 20.0]))
+    array([10., 20., 10., 20.])
+    """
+    left, top, right, bottom = box_px.tolist()
+    return np.array([right - left, bottom - top] * 2)
+
+
 def in_view(box_px: FloatArray, size: tuple[int, int]) -> float:
     """Share of a box that lies inside the image.
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from belie.checks.objects import background_evidence, passing_evidence
 from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_track import ObjectTrack
-from belie.detector.places import places_in
+from belie.detector.places import places_in, sides_of
 from belie.geometry import SE3, CameraModel, FloatArray
 from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plane, static_inverse_depth
 from belie.types import VisualEstimate
@@ -142,15 +142,17 @@ class SceneWitness:
         if not 0 < frames < len(track.history):
             return told
         moved = motion.box_px - track.history[-1 - frames][1]
-        size = np.tile(told[2:] - told[:2], 2)
+        size = sides_of(told)
         excess = track.steps.excess((told - before - moved) / size)
         free = ~self._cut(told, track.edges)
         jumps = (np.abs(excess) > _SIGMAS * track.edges.deviation) & free
         if track.steps.noise is not None and not track.phantom.accused:
             # How steadily a scene passes through a box that shows it is no error of the box.
             track.edges.learn(track.steps.noise[free])
+        if not jumps.any():
+            return told
         older = (track.corners.births < self.frame) & np.isfinite(track.corners.born_places).all(axis=1)
-        if not jumps.any() or not older.any():
+        if not older.any():
             return told
         steady = told - np.where(jumps, excess, 0.0) * size
         places = places_in(told, track.corners.px)
@@ -164,9 +166,9 @@ class SceneWitness:
 
     def _cut(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
         """Which edges, left, top, right, bottom, may be the image's border instead of the object's."""
-        margin = 2.0 * edges.deviation * np.tile(box_px[2:] - box_px[:2], 2)
-        size = np.array([self.camera.width, self.camera.height])
-        return np.asarray(np.concatenate([box_px[:2], size - box_px[2:]]) < margin)
+        left, top, right, bottom = box_px.tolist()
+        to_border = np.array([left, top, self.camera.width - right, self.camera.height - bottom])
+        return np.asarray(to_border < 2.0 * edges.deviation * sides_of(box_px))
 
     def _is_whole(self, box_px: FloatArray, edges: EdgeNoise) -> npt.NDArray[np.bool_]:
         """Along which axes places in a box tell what keeps its place.
