@@ -219,9 +219,9 @@ class ObjectTrack:
     def keeps_place(self, settings: ObjectSettings) -> bool:
         """Whether it is known where it is though nobody tells of it: by corners that were its own when it was told of.
 
-        Not where others may hide much of it: what is followed may be theirs.
+        Not where others may hide some of it: what is followed may be theirs.
         """
-        if self.is_soft or self.hidden_then > settings.most_covered:
+        if self.is_soft or self.hidden_then > _EDGE:
             return False
         then = self._leads() & (self.corners.births < self.told_frame)
         return int(np.count_nonzero(then)) >= settings.least_present * self.corners_then
