@@ -21,6 +21,7 @@ from belie.bridges.pipeline import Pipeline
 from belie.bridges.wire import Offer, Received
 from belie.geometry import SE3, CameraModel
 from belie.odometry import VisualOdometry
+from belie.odometry.tracking import second_thread
 from belie.recordings import messages
 from belie.recordings import topics as ros
 from belie.recordings.messages import STORE
@@ -202,6 +203,7 @@ def test_a_session_that_is_over_leaves_no_thread_behind(transport, robot, tmp_pa
         answers={"annotated": "/belie/annotated"}, evidence={"folder": str(tmp_path)},
         metrics=f"127.0.0.1:{free_port()}",
     )  # fmt: skip
+    second_thread().submit(int).result()  # one for the whole process, that stays
     before = {thread.ident for thread in threading.enumerate()}
     with running(transport, robot, settings, json=tmp_path / "out.jsonl") as session:
         robot.introduce(transport)

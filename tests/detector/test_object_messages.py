@@ -85,6 +85,17 @@ def test_what_is_told_of_a_blind_image_tells_nothing(blind):
     assert watch.stream.waiting == []
 
 
+def test_a_detector_that_tells_of_nothing_is_not_vouched_for():
+    """It may see an empty road, or be made to tell of nobody from the first image on."""
+    watch, scene = Watch(), Scene()
+    for k in range(10):
+        watch.step(k, scene.image(k), message(k * FRAME_NS))
+    told = watch.answers[-1]
+    assert told["hiding"].status is Status.UNDECIDED
+    assert "first image" in told["hiding"].reason
+    assert told["misclassification"].status is told["injection"].status is Status.CONSISTENT
+
+
 @pytest.mark.parametrize("name", ["-1", "0"])
 def test_one_id_for_all_objects_is_no_id(name):
     watch, image = Watch(), BACKGROUND[:, :WIDTH].copy()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from belie.checks.objects import ErrorTest, Habit
 from belie.detector.alerts import Judgement
 from belie.detector.object_stream import ObjectStream
@@ -11,6 +13,9 @@ from belie.types import AccusedObject, CheckResult, Status
 
 _LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
 _SILENT = 5.0  # its usual intervals
+_NONE_TOLD = (
+    "no object is told of, so none can be missed: what is hidden from the first image on cannot be seen"
+)
 
 
 def answer(stream: ObjectStream, frame_ns: int, size: tuple[int, int]) -> list[Judgement]:
@@ -69,8 +74,9 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
     if accused:
         return accused
     worst, threshold = stream.shares.worst("hiding", stream.tracks)
-    status = Status.UNDECIDED if doubtful else Status.CONSISTENT
-    usual = f"{len(stream.tracks)} objects, none missing longer than usual"
+    # Without any, a detector that tells of nothing at all looks like an empty road.
+    status = Status.UNDECIDED if doubtful or not stream.tracks else Status.CONSISTENT
+    usual = f"{_objects(stream.tracks)}, none missing longer than usual" if stream.tracks else _NONE_TOLD
     if stream.unfollowed:
         usual += f"; {stream.unfollowed} smaller ones are not followed (objects.most_objects)"
     reason = [*doubtful, *explained, usual][0]
@@ -94,7 +100,8 @@ def _naming(stream: ObjectStream) -> list[Judgement]:
     if accused:
         return accused
     worst, threshold = stream.shares.worst("misclassification", stream.tracks)
-    status, reason = Status.CONSISTENT, f"{len(stream.tracks)} objects keep their names"
+    kept = "keeps its name" if len(stream.tracks) == 1 else "keep their names"
+    status, reason = Status.CONSISTENT, f"{_objects(stream.tracks)} {kept}"
     if worst is not None and worst.naming.is_open:
         status = Status.UNDECIDED
         reason = (
@@ -131,7 +138,7 @@ def _injection(stream: ObjectStream) -> list[Judgement]:
     unseen = [track for track in told if track.phantom.why]
     worst, threshold = stream.shares.worst("injection", told)
     status = Status.UNDECIDED if unseen and len(unseen) == len(told) else Status.CONSISTENT
-    reason = f"{len(told) - len(unseen)} of {len(told)} boxes have something of their own in them"
+    reason = f"boxes with something of their own in them: {len(told) - len(unseen)} of {len(told)}"
     if status is Status.UNDECIDED:
         reason = f"no box can be told from what is behind it: {unseen[0].phantom.why}"
     return [Judgement(result=CheckResult(
@@ -161,6 +168,10 @@ def _floor(stream: ObjectStream, habit: Habit, check: str) -> str | None:
     largest = stream.shares.largest(stream.tracks)
     messages = habit.shortest_run(stream.interval_s, stream.shares.threshold(check, largest))
     return f"{messages * stream.interval_s:.1f} s"
+
+
+def _objects(tracks: Sequence[ObjectTrack]) -> str:
+    return "1 object" if len(tracks) == 1 else f"{len(tracks)} objects"
 
 
 def _share(test: ErrorTest) -> str:
