@@ -6,9 +6,10 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from belie.checks.objects import ErrorTest, Habit, ObjectSettings
-from belie.detector.association import LEAST_OVERLAP, assign, named, own_overlap
+from belie.detector.association import LEAST_OVERLAP, own_overlap
 from belie.detector.covering import Covering
 from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_habits import ObjectHabits
@@ -22,13 +23,14 @@ from belie.detector.object_identity import (
     without_doubles,
 )
 from belie.detector.object_memory import ObjectMemory, end_misses, note_cut_off
+from belie.detector.object_message import STANDING, ObjectMessage, has_no_box
 from belie.detector.object_shares import ObjectShares
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import in_view
 from belie.detector.scene_witness import SceneWitness
 from belie.detector.told_before import ToldBefore
 from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import are_apart, longer_side, overlaps, projected_box_px, root_area
+from belie.geometry.boxes import are_apart, longer_side, overlaps, root_area
 from belie.odometry.local_features import ImageStack
 from belie.odometry.still_background import StillBackground, without_boxes
 from belie.odometry.tracking import TrackingSettings
@@ -39,7 +41,6 @@ _STEPS = 9  # messages from which their rate is told
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _HALF_HELD = 0.5  # of an object's corners
 _RETOLD = 2  # messages under another id, after which that is its own
-_STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on the ground
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
     "too few corners",
@@ -154,72 +155,88 @@ class ObjectStream:
             self.interval_s = sorted(self._steps_s)[(len(self._steps_s) - 1) // 2]
         self.last_ns = claim.stamp_ns
         if claim.detections:
-            self.unboxed = sum(_has_no_box(d) for d in claim.detections)
-        self.unfollowed = 0
-        told = [(d, box) for d in named(claim.detections) if (box := self._box(d)) is not None]
-        boxes = np.array([box for _, box in told]).reshape(-1, 4)
-        then = np.array([track.box_at(claim.stamp_ns) for track in self.tracks]).reshape(-1, 4)
-        found = assign(
-            then, [t.track_id for t in self.tracks], boxes, [d.track_id for d, _ in told],
-            lambda i, box: self.tracks[i].share_in(box, then[i]), [t.told_area_px2 for t in self.tracks],
-            [t.detections == 1 for t in self.tracks],
-        )  # fmt: skip
+            self.unboxed = sum(has_no_box(d) for d in claim.detections)
+        message = ObjectMessage.of(claim, self.tracks, self.camera, self.settings.classes)
+        before = list(self.tracks)
         self.shares.share_out(self.tracks, self.interval_s)
-        stand = np.array([self.settings.classes.of(d.label) in _STANDING for d, _ in told], dtype=bool)
-        lost = [i for i in range(len(self.tracks)) if i not in found]
-        lost_stand = np.array([self.tracks[i].group in _STANDING for i in lost], dtype=bool)
-        covering = Covering.of(then[lost], lost_stand, boxes, stand)
-        self._look_through(covering, boxes, dict(enumerate(lost)), then)
-        hiders = covering.which & stand  # a box that need not stand there takes nobody's corners away
-        untold = self.background.difference() if any(self.tracks[i].is_soft for i in lost) else None
-        if untold is not None:
-            carried = boxes.copy()  # from the image that a late message is about to this one
-            for i, j in found.items():
-                carried[j] += self.tracks[i].box_px - then[i]
-            untold = without_boxes(untold, carried)
-        for k, i in enumerate(lost):
-            share = float(covering.share[k])
+        self._judge_missing(message, current)
+        hiders = self._judge_told(message, current)
+        self._forget_doubles(message)
+        self._meet_unknown(message, hiders, current, frame_ns, half_ns)
+        kept = {id(track) for track in self.tracks}
+        self.memory.drop(track for track in before if id(track) not in kept)
+        self.told_before.keep(message.boxes, claim.stamp_ns)
+        self.shares.weigh(self.tracks)
+
+    def _judge_missing(self, message: ObjectMessage, current: ImageStack) -> None:
+        """Objects that it does not tell of."""
+        missing, boxes, own = message.missing, message.boxes, message.own
+        stand = np.array([self.tracks[i].group in STANDING for i in missing], dtype=bool)
+        covering = Covering.of(own[missing], stand, boxes, message.stand)
+        self._look_through(covering, boxes, dict(enumerate(missing)), own)
+        hiders = covering.which & message.stand  # a box that need not stand there takes nobody's corners away
+        untold = self._untold(message) if any(self.tracks[i].is_soft for i in missing) else None
+        for k, i in enumerate(missing):
             track = self.tracks[i]
-            is_told = self._may_be_told(track, then[i], boxes, found)
+            is_told = self._may_be_told(track, own[i], message)
             track.retold += is_told
-            track.look_for(untold, claim.stamp_ns, self.scene.frame)
-            self._absent(track, claim.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
+            track.look_for(untold, message.stamp_ns, self.scene.frame)
+            share = float(covering.share[k])
+            self._absent(track, message.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
+
+    def _untold(self, message: ObjectMessage) -> ImageStack | None:
+        """What differs from the background where no box is; None where no background is known."""
+        difference = self.background.difference()
+        if difference is None:
+            return None
+        carried = message.boxes.copy()  # from the image that a late message is about to this one
+        for i, j in message.found.items():
+            carried[j] += self.tracks[i].box_px - message.own[i]
+        return without_boxes(difference, carried)
+
+    def _judge_told(self, message: ObjectMessage, current: ImageStack) -> npt.NDArray[np.bool_]:
+        """Objects that it tells of; the answer, (M, M): which of its boxes may hide which."""
+        found, boxes = message.found, message.boxes
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
-        covering = Covering.among(boxes, stand)
-        self._look_through(covering, boxes, {j: i for i, j in found.items()}, then)
-        hiders = covering.which & stand
+        covering = Covering.among(boxes, message.stand)
+        self._look_through(covering, boxes, {j: i for i, j in found.items()}, message.own)
+        hiders = covering.which & message.stand
         for i, j in found.items():
-            track, detection = self.tracks[i], told[j][0]
+            track, detection = self.tracks[i], message.detections[j]
             owner = owners.get(detection.track_id)
             track.cover_then = float(covering.by_any[j])
             track.hidden_then = float(covering.share[j])
-            self._present(track, detection, boxes[j], claim.stamp_ns, owner, current, boxes[hiders[j]])
+            self._present(track, detection, boxes[j], message.stamp_ns, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
-        here, before = [self.tracks[i] for i in found], list(self.tracks)
-        call_by_ids(here, {self.tracks[i].name for i in lost})
-        self.tracks = without_doubles([track for track in self.tracks if track.retold < _RETOLD], here)
-        unknown = sorted(set(range(len(told))) - set(found.values()), key=lambda j: -longer_side(boxes[j]))
+        return hiders
+
+    def _forget_doubles(self, message: ObjectMessage) -> None:
+        """Call objects by their ids, and forget those that were told of under another one, or were none."""
+        told = [self.tracks[i] for i in message.found]
+        call_by_ids(told, {self.tracks[i].name for i in message.missing})
+        self.tracks = without_doubles([track for track in self.tracks if track.retold < _RETOLD], told)
+
+    def _meet_unknown(
+        self, message: ObjectMessage, hiders: npt.NDArray[np.bool_], current: ImageStack, frame_ns: int, half_ns: int
+    ) -> None:  # fmt: skip
+        """Follow what it tells of for the first time, the largest first."""
+        boxes, self.unfollowed = message.boxes, 0
+        unknown = sorted(message.unknown, key=lambda j: -longer_side(boxes[j]))
         for n, j in enumerate(unknown):
             if not make_room(self.tracks, longer_side(boxes[j]), self.settings):
                 self.unfollowed = len(unknown) - n
                 break
-            track = self._meet(told[j][0], boxes[j], claim.stamp_ns)
-            track.meet(boxes[j], claim.stamp_ns, frame_ns, half_ns, current.size)
+            track = self._meet(message.detections[j], boxes[j], message.stamp_ns)
+            track.meet(boxes[j], message.stamp_ns, frame_ns, half_ns, current.size)
             track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
         self._stand_ins |= stand_ins(self.tracks)
         self._stand_ins &= {track.number for track in self.tracks}
-        kept = {id(track) for track in self.tracks}
-        self.memory.drop(track for track in before if id(track) not in kept)
-        self.told_before.keep(boxes, claim.stamp_ns)
-        self.shares.weigh(self.tracks)
 
-    def _may_be_told(
-        self, track: ObjectTrack, own_px: FloatArray, boxes: FloatArray, found: dict[int, int]
-    ) -> bool:
+    def _may_be_told(self, track: ObjectTrack, own_px: FloatArray, message: ObjectMessage) -> bool:
         """Whether a box of a message, under an id that just came up, may be an object that it does not tell of."""
-        new = np.ones(len(boxes), dtype=bool)
-        for m, j in found.items():
+        boxes, new = message.boxes, np.ones(len(message.boxes), dtype=bool)
+        for m, j in message.found.items():
             other = self.tracks[m]
             new[j] = other.met_ns > track.last_seen_ns and other.detections <= _RETOLD
         if not new.any():
@@ -242,16 +259,6 @@ class ObjectStream:
     def habits(self) -> ObjectHabits:
         """How often this detector was seen to err, and for how long."""
         return self.memory.habits(self.interval_s, self.missed, self.misnamed, self.tracks)
-
-    def _box(self, detection: Detection) -> FloatArray | None:
-        box = detection.box_px if detection.box_px is not None else projected_box_px(detection, self.camera)
-        if box is None:
-            return None
-        left, top, right, bottom = box.tolist()
-        left, right = (min(max(x, 0.0), float(self.camera.width)) for x in (left, right))
-        top, bottom = (min(max(y, 0.0), float(self.camera.height)) for y in (top, bottom))
-        fits = right - left >= 4.0 and bottom - top >= 4.0
-        return np.array([left, top, right, bottom]) if fits else None
 
     def _absent(
         self,
@@ -353,7 +360,7 @@ class ObjectStream:
             return  # a faster detector tells of the same image again: no new evidence
         track.looked_frame = self.scene.frame
         track.phantom.why = ""
-        if group not in _STANDING:
+        if group not in STANDING:
             track.phantom.why = f"a {track.label} need not stand on the ground"
             return
         if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
@@ -388,13 +395,3 @@ class ObjectStream:
         track.take_over(detection, box)
         self.tracks.append(track)
         return track
-
-
-def _has_no_box(detection: Detection) -> bool:
-    """Whether it may be in view, and nobody can say where in the image."""
-    where = detection.position_m
-    return (
-        detection.box_px is None
-        and detection.dimensions_m is None
-        and (where is None or bool(where[2] > 0.0))
-    )
