@@ -25,12 +25,11 @@ class Covering:
     """What may hide some boxes.
 
     shares : (N, M) share of each that each of M others covers, 0 where that one cannot hide it: what stands behind it;
-    merged : (N, M) whether the two may be taken for one; by_any : (N,) largest share that any other covers.
+    merged : (N, M) whether the two may be taken for one.
     """
 
     shares: FloatArray
     merged: npt.NDArray[np.bool_]
-    by_any: FloatArray
 
     @property
     def which(self) -> npt.NDArray[np.bool_]:
@@ -74,13 +73,13 @@ class Covering:
         foot = boxes[:, 3] - _FOOT * sides
         behind = stand[:, None] & others_stand[None, :] & (others[None, :, 3] < foot[:, None])
         merged = np.asarray(iou > _MERGED)
-        return cls(np.where(~behind | merged, shares, 0.0), merged, shares.max(axis=1, initial=0.0))
+        return cls(np.where(~behind | merged, shares, 0.0), merged)
 
     @classmethod
     def among(cls, boxes: FloatArray, stand: npt.NDArray[np.bool_]) -> Covering:
         """Of boxes (N, 4) by one another.
 
-        >>> Covering.among(np.array([[0.0, 0, 2, 2], [1, 0, 3, 2], [8, 8, 9, 9]]), np.zeros(3, bool)).by_any
+        >>> Covering.among(np.array([[0.0, 0, 2, 2], [1, 0, 3, 2], [8, 8, 9, 9]]), np.zeros(3, bool)).share
         array([0.5, 0.5, 0. ])
         """
         iou, shares = overlaps(boxes, boxes)

@@ -23,13 +23,14 @@ STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on th
 class ObjectMessage:
     """M detections that have a box in the image, and N objects.
 
-    boxes : (M, 4) px; stand : (M,) whether they stand on the ground, by their labels; own : (N, 4) px, boxes of the
-    objects at the message's stamp; found : object to detection.
+    boxes : (M, 4) px; carried : the same, as they would be in the newest image; stand : (M,) whether they stand on the
+    ground, by their labels; own : (N, 4) px, boxes of the objects at the message's stamp; found : object to detection.
     """
 
     stamp_ns: int
     detections: tuple[Detection, ...]
     boxes: FloatArray
+    carried: FloatArray
     stand: npt.NDArray[np.bool_]
     own: FloatArray
     found: dict[int, int]
@@ -48,12 +49,19 @@ class ObjectMessage:
             [t.detections == 1 for t in tracks],
         )  # fmt: skip
         stand = np.array([classes.of(d.label) in STANDING for d, _ in told], dtype=bool)
-        return cls(claim.stamp_ns, tuple(d for d, _ in told), boxes, stand, own, found)
+        carried = boxes.copy()  # from the image that a late message is about
+        for i, j in found.items():
+            carried[j] += tracks[i].box_px - own[i]
+        return cls(claim.stamp_ns, tuple(d for d, _ in told), boxes, carried, stand, own, found)
 
     @property
     def missing(self) -> list[int]:
         """Objects that it does not tell of."""
         return [i for i in range(len(self.own)) if i not in self.found]
+
+    def beside(self, j: int) -> FloatArray:
+        """All boxes but one, in the newest image, (M - 1, 4)."""
+        return np.asarray(self.carried[np.arange(len(self.carried)) != j])
 
     @property
     def unknown(self) -> list[int]:

@@ -175,7 +175,8 @@ class ObjectStream:
         covering = Covering.of(own[missing], stand, boxes, message.stand)
         self._look_through(covering, boxes, dict(enumerate(missing)), own)
         hiders = covering.which & message.stand  # a box that need not stand there takes nobody's corners away
-        untold = self._untold(message) if any(self.tracks[i].is_soft for i in missing) else None
+        untold = self.background.difference() if any(self.tracks[i].is_soft for i in missing) else None
+        untold = None if untold is None else without_boxes(untold, message.carried)
         for k, i in enumerate(missing):
             track = self.tracks[i]
             is_told = self._may_be_told(track, own[i], message)
@@ -183,16 +184,6 @@ class ObjectStream:
             track.look_for(untold, message.stamp_ns, self.scene.frame)
             share = float(covering.share[k])
             self._absent(track, message.stamp_ns, boxes[hiders[k]], share, current, is_told=is_told)
-
-    def _untold(self, message: ObjectMessage) -> ImageStack | None:
-        """What differs from the background where no box is; None where no background is known."""
-        difference = self.background.difference()
-        if difference is None:
-            return None
-        carried = message.boxes.copy()  # from the image that a late message is about to this one
-        for i, j in message.found.items():
-            carried[j] += self.tracks[i].box_px - message.own[i]
-        return without_boxes(difference, carried)
 
     def _judge_told(self, message: ObjectMessage, current: ImageStack) -> npt.NDArray[np.bool_]:
         """Objects that it tells of; the answer, (M, M): which of its boxes may hide which."""
@@ -202,11 +193,9 @@ class ObjectStream:
         self._look_through(covering, boxes, {j: i for i, j in found.items()}, message.own)
         hiders = covering.which & message.stand
         for i, j in found.items():
-            track, detection = self.tracks[i], message.detections[j]
-            owner = owners.get(detection.track_id)
-            track.cover_then = float(covering.by_any[j])
+            track, owner = self.tracks[i], owners.get(message.detections[j].track_id)
             track.hidden_then = float(covering.share[j])
-            self._present(track, detection, boxes[j], message.stamp_ns, owner, current, boxes[hiders[j]])
+            self._present(track, message, j, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
                 track.cover.tell(track.hidden_then)
         return hiders
@@ -295,9 +284,10 @@ class ObjectStream:
                 track.accused_ns = stamp_ns
 
     def _present(
-        self, track: ObjectTrack, detection: Detection, box: FloatArray, stamp_ns: int, owner: ObjectTrack | None,
-        current: ImageStack, covers: FloatArray,
+        self, track: ObjectTrack, message: ObjectMessage, j: int, owner: ObjectTrack | None, current: ImageStack,
+        covers: FloatArray,
     ) -> None:  # fmt: skip
+        detection, box, stamp_ns = message.detections[j], message.boxes[j], message.stamp_ns
         s = self.settings
         known = track.weight >= s.established
         group = s.classes.of(detection.label)
@@ -335,7 +325,7 @@ class ObjectStream:
         track.take_over(detection, box)
         track.carried_px = track.carried(box, stamp_ns, current.size)
         track.detect(box, stamp_ns, current.size)
-        self._look_behind(track, group, stamp_ns)
+        self._look_behind(track, group, stamp_ns, message.beside(j))
         track.renew(current, s, self.scene.frame, covers)
         if track.naming.errors:
             return
@@ -354,8 +344,8 @@ class ObjectStream:
         told = first + (messages - 1) * each if messages else 0.0
         return told >= self.shares.threshold("misclassification", track)
 
-    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
-        """Add up what speaks for a box that shows the background only."""
+    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int, others: FloatArray) -> None:
+        """Add up what speaks for a box that shows the background only; in `others` (N, 4), those objects are seen."""
         if track.looked_frame == self.scene.frame:
             return  # a faster detector tells of the same image again: no new evidence
         track.looked_frame = self.scene.frame
@@ -366,7 +356,7 @@ class ObjectStream:
         if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
             track.phantom.why = "it is leaving the view"
             return
-        told = self.scene.evidence(track, sees_foot=track.cover_then <= _HIDDEN_FOOT)
+        told = self.scene.evidence(track, others, sees_foot=track.hidden_then <= _HIDDEN_FOOT)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return

@@ -68,8 +68,8 @@ class ObjectTrack:
     motion: LocalMotion | None = None
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
-    cover_then: float = 0.0  # share of its box under other detections, when it was last detected
-    hidden_then: float = 0.0  # the same, under those that may hide it
+    # Share of its box under another detection that may hide it, when it was last detected.
+    hidden_then: float = 0.0
     searched: tuple[int, int] = (
         0,
         0,
