@@ -1,6 +1,6 @@
 """Phantom boxes anywhere over the real street of kitti00: how many are found, how soon, and what hides the others?
 
-``python benchmarks/phantoms.py`` draws boxes of 45 to 160 px whose foot is in the lower half of the image, at any
+``python benchmarks/phantoms.py`` draws boxes 45 to 160 px wide whose foot is in the lower half of the image, at any
 time, also over true objects and over asphalt without texture: whoever forges a box does not ask what lies behind it.
 Each lasts ten messages of the detector of `objects.py`. What is not found is counted by what was answered about it.
 """
@@ -24,7 +24,7 @@ from belie.types import Status
 from objects import sights
 
 NAME, LASTS = "kitti00", 10
-LONGER_PX, FLATNESS = (45.0, 160.0), (0.5, 1.2)  # width, and height over width
+WIDTH_PX, HEIGHTS = (45.0, 160.0), (0.5, 1.2)  # and heights, over the width
 FIRST, LAST = 8, 85  # frames in which there are objects, too
 TAKEN = "its evidence was not enough"
 
@@ -33,8 +33,8 @@ def drawn(count: int, seed: int) -> Iterator[tuple[FloatArray, str, int]]:
     """Boxes (4,), labels and onsets."""
     model, rng = annotated(NAME).camera.model, np.random.default_rng(seed)
     for _ in range(count):
-        width = rng.uniform(*LONGER_PX)
-        height = width * rng.uniform(*FLATNESS)
+        width = rng.uniform(*WIDTH_PX)
+        height = width * rng.uniform(*HEIGHTS)
         left, foot = rng.uniform(20.0, model.width - width - 20.0), rng.uniform(0.53, 0.9) * model.height
         box = np.array([left, max(foot - height, 5.0), left + width, foot])
         yield box.round(), str(rng.choice(["car", "person"])), int(rng.integers(FIRST, LAST))

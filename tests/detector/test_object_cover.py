@@ -25,8 +25,9 @@ def texture(seed, width, height, contrast=60.0, cell=6):
 class Thing:
     """Something on the street: pasted at its box, told of under its id where `told` says so."""
 
-    def __init__(self, name, picture, box, told=lambda k: True, label="car", off=0.0):
-        self.off_px = np.array([off, 0.0, off, 0.0])
+    def __init__(self, name, picture, box, told=lambda k: True, label="car", off=0.0, cut=0.0):
+        width = box(0)[2] - box(0)[0]
+        self.off_px = np.array([off, 0.0, off - cut * width, 0.0])
         self.name, self.picture, self.box, self.told, self.label = name, picture, box, told, label
 
     def paste(self, image, k):
@@ -208,8 +209,8 @@ def retold(name, off, told):
 
 
 def test_who_comes_back_under_a_new_id_is_not_hidden():
-    """As far off as the edges of this detector let it be: 5 px of 40 to 60, and 12 px besides."""
-    cars = retold("7", 0.0, before(20)), retold("8", 12.0, lambda k: k > 22)
+    """As far off as the edges of this detector let it be: 5 px of 40 to 60, and 18 px besides."""
+    cars = retold("7", 0.0, before(20)), retold("8", 18.0, lambda k: k > 22)
     assert watch(cars, 50, jitter=5.0)[0] == []
 
 
@@ -217,3 +218,21 @@ def test_a_box_beside_the_place_of_a_missing_object_is_another_ones():
     """Its corners keep their places: it is where they are, not 24 px beside."""
     cars = retold("7", 0.0, before(20)), retold("8", 24.0, lambda k: k > 22)
     assert ("obstacle_hiding", "7") in [alert[1:] for alert in watch(cars, 50)[0]]
+
+
+def test_a_part_of_an_object_that_is_told_of_under_a_new_id_hides_it_not():
+    car = Thing("7", texture(1, 80, 40), stand(200, 140, 280, 180), before(20))
+    half = Thing("8", texture(1, 80, 40), stand(200, 140, 280, 180), lambda k: k > 22, cut=0.5)
+    assert watch([car, half], 50)[0] == []
+
+
+@pytest.mark.parametrize("grown", [0.0, 4.0])
+def test_a_box_that_comes_up_once_takes_no_corners_away(grown):
+    """Just before the car is hidden, a second box lies over it: without known corners it could vanish unseen."""
+    car, box = Thing("7", texture(1, 60, 40), stand(200, 140, 260, 180), before(20)), [200, 140, 260, 180]
+    left, top, right, bottom = box
+    twin = Thing(
+        "8", texture(1, 60, 40), stand(left - grown, top - grown, right + grown, bottom + grown), lambda k: k == 19
+    )  # fmt: skip
+    twin.paste = lambda image, k: None
+    assert [alert[1:] for alert in watch([car, twin], 32)[0]] == [("obstacle_hiding", "7")]

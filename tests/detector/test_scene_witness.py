@@ -169,7 +169,7 @@ def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitt
     for _ in range(60):
         honest.told_before = witness.frame - 1, honest.carried_px
         honest.carried_px = HIGH + jitter * rng.normal(size=4) * np.tile(HIGH[2:] - HIGH[:2], 2)
-        witness.evidence(honest, sees_foot=False)
+        witness.evidence(honest, is_seen=False)
     assert edges.deviation == pytest.approx(max(jitter, 0.035), abs=0.03)
     track = track_of(HIGH)
     track.edges = edges if own else EdgeNoise()

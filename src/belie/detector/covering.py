@@ -25,11 +25,12 @@ class Covering:
     """What may hide some boxes.
 
     shares : (N, M) share of each that each of M others covers, 0 where that one cannot hide it: what stands behind it;
-    merged : (N, M) whether the two may be taken for one.
+    merged : (N, M) whether the two may be taken for one; by_any : (N,) largest share that any other covers.
     """
 
     shares: FloatArray
     merged: npt.NDArray[np.bool_]
+    by_any: FloatArray
 
     @property
     def which(self) -> npt.NDArray[np.bool_]:
@@ -41,12 +42,13 @@ class Covering:
         """Largest share of each box that one of those covers, (N,)."""
         return np.asarray(self.shares.max(axis=1, initial=0.0))
 
-    def besides(self, k: int, shown: npt.NDArray[np.int64]) -> None:
+    def besides(self, k: int, shown: npt.NDArray[np.int64], known: npt.NDArray[np.bool_]) -> None:
         """Take away from what may hide box `k` those of the others (their indices) that it shows through.
 
-        One that may be taken for the same object stays: that has nothing to do with who stands before whom.
+        One that may be taken for the same object stays, if it is `known`, (M,): that has nothing to do with who stands
+        before whom. But nobody hides behind a box that has just come up.
         """
-        self.shares[k, shown[~self.merged[k, shown]]] = 0.0
+        self.shares[k, shown[~(self.merged[k, shown] & known[shown])]] = 0.0
 
     @classmethod
     def of(
@@ -73,13 +75,13 @@ class Covering:
         foot = boxes[:, 3] - _FOOT * sides
         behind = stand[:, None] & others_stand[None, :] & (others[None, :, 3] < foot[:, None])
         merged = np.asarray(iou > _MERGED)
-        return cls(np.where(~behind | merged, shares, 0.0), merged)
+        return cls(np.where(~behind | merged, shares, 0.0), merged, shares.max(axis=1, initial=0.0))
 
     @classmethod
     def among(cls, boxes: FloatArray, stand: npt.NDArray[np.bool_]) -> Covering:
         """Of boxes (N, 4) by one another.
 
-        >>> Covering.among(np.array([[0.0, 0, 2, 2], [1, 0, 3, 2], [8, 8, 9, 9]]), np.zeros(3, bool)).share
+        >>> Covering.among(np.array([[0.0, 0, 2, 2], [1, 0, 3, 2], [8, 8, 9, 9]]), np.zeros(3, bool)).by_any
         array([0.5, 0.5, 0. ])
         """
         iou, shares = overlaps(boxes, boxes)

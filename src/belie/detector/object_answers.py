@@ -74,8 +74,7 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
     if accused:
         return accused
     worst, threshold = stream.shares.worst("hiding", stream.tracks)
-    # Without any, a detector that tells of nothing at all looks like an empty road.
-    status = Status.UNDECIDED if doubtful or not stream.tracks else Status.CONSISTENT
+    status = Status.UNDECIDED if doubtful else Status.CONSISTENT
     usual = f"{_objects(stream.tracks)}, none missing longer than usual" if stream.tracks else _NONE_TOLD
     if stream.unfollowed:
         usual += f"; {stream.unfollowed} smaller ones are not followed (objects.most_objects)"

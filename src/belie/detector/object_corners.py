@@ -78,6 +78,7 @@ class ObjectCorners:
         """Those whose place in a told box was not known were told of late: what is seen of them begins now."""
         if self._late:
             self._late, unplaced = False, np.isnan(self.born_places[:, 0])
+            self.births = self.births.copy()  # others may hold what it was
             self.born_places[unplaced] = places_in(told_px, self.px[unplaced])
             self.born_px[unplaced], self.births[unplaced] = self.px[unplaced], frame
 

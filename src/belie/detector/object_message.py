@@ -23,8 +23,9 @@ STANDING = ("vehicle", "person", "barrier")  # groups of labels that stand on th
 class ObjectMessage:
     """M detections that have a box in the image, and N objects.
 
-    boxes : (M, 4) px; carried : the same, as they would be in the newest image; stand : (M,) whether they stand on the
-    ground, by their labels; own : (N, 4) px, boxes of the objects at the message's stamp; found : object to detection.
+    boxes : (M, 4) px; carried : the same, those of known objects as they would be in the newest image; stand : (M,)
+    whether they stand on the ground, by their labels; own : (N, 4) px, boxes of the objects at the message's stamp;
+    found : object to detection.
     """
 
     stamp_ns: int

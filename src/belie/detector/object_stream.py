@@ -40,6 +40,7 @@ _SLOWEST_S = 5.0  # between messages; beyond, the detector has been silent
 _STEPS = 9  # messages from which their rate is told
 _LEAST_VOTE = 2.0  # weight of the votes for a label before another one can be wrong
 _HALF_HELD = 0.5  # of an object's corners
+_PART = 0.9  # share of a box within an object's own: edges err by a tenth of the side, two deviations
 _RETOLD = 2  # messages under another id, after which that is its own
 _HIDDEN_FOOT = 0.05  # share of its box under another: its foot may be hidden
 _BY_CORNERS = (
@@ -173,7 +174,7 @@ class ObjectStream:
         missing, boxes, own = message.missing, message.boxes, message.own
         stand = np.array([self.tracks[i].group in STANDING for i in missing], dtype=bool)
         covering = Covering.of(own[missing], stand, boxes, message.stand)
-        self._look_through(covering, boxes, dict(enumerate(missing)), own)
+        self._look_through(covering, message, dict(enumerate(missing)), np.ones(len(boxes), dtype=bool))
         hiders = covering.which & message.stand  # a box that need not stand there takes nobody's corners away
         untold = self.background.difference() if any(self.tracks[i].is_soft for i in missing) else None
         untold = None if untold is None else without_boxes(untold, message.carried)
@@ -190,10 +191,13 @@ class ObjectStream:
         found, boxes = message.found, message.boxes
         owners = {self.tracks[i].track_id: self.tracks[i] for i in found}
         covering = Covering.among(boxes, message.stand)
-        self._look_through(covering, boxes, {j: i for i, j in found.items()}, message.own)
+        known = np.zeros(len(boxes), dtype=bool)
+        known[[j for i, j in found.items() if self.tracks[i].weight >= self.settings.established]] = True
+        self._look_through(covering, message, {j: i for i, j in found.items()}, known)
         hiders = covering.which & message.stand
         for i, j in found.items():
             track, owner = self.tracks[i], owners.get(message.detections[j].track_id)
+            track.cover_then = float(covering.by_any[j])
             track.hidden_then = float(covering.share[j])
             self._present(track, message, j, owner, current, boxes[hiders[j]])
             if track.hidden_then > self.settings.most_covered:
@@ -230,20 +234,27 @@ class ObjectStream:
             new[j] = other.met_ns > track.last_seen_ns and other.detections <= _RETOLD
         if not new.any():
             return False
+        boxes = boxes[new]
+        iou = overlaps(own_px[None], boxes)[0][0]
+        # A part of it may be told of; what stands behind it and is seen sticks out.
+        is_part = overlaps(boxes, own_px[None])[1][:, 0] >= _PART
         keeps = track.keeps_place(self.settings)
-        least = own_overlap(self.edges.deviation) if keeps else LEAST_OVERLAP
-        near = boxes[new][overlaps(own_px[None], boxes[new])[0][0] >= least]
-        return any(track.share_in(box, own_px) >= _HALF_HELD for box in near)
+        least = np.where(is_part | (not keeps), LEAST_OVERLAP, own_overlap(self.edges.deviation))
+        return any(track.share_in(box, own_px) >= _HALF_HELD for box in boxes[iou >= least])
 
     def _look_through(
-        self, covering: Covering, boxes: FloatArray, tracks: dict[int, int], then: FloatArray
+        self, covering: Covering, message: ObjectMessage, tracks: dict[int, int], known: npt.NDArray[np.bool_]
     ) -> None:
-        """Believe no box that it hides an object whose corners stay; `tracks`: by row of the covering."""
-        crowded = covering.shares.sum(axis=1) > self.settings.most_covered
-        for k in np.flatnonzero(crowded).tolist():
+        """Believe no box that it hides an object whose corners stay.
+
+        `tracks`: by row of the covering; `known`, (M,): boxes that may be taken for the same object all the same.
+        """
+        crowded = np.flatnonzero(covering.shares.sum(axis=1) > self.settings.most_covered)
+        for k in crowded.tolist():
             if k in tracks:
                 i, others = tracks[k], np.flatnonzero(covering.which[k])
-                covering.besides(k, others[self.tracks[i].shows_through(boxes[others], then[i])])
+                shown = self.tracks[i].shows_through(message.boxes[others], message.own[i])
+                covering.besides(k, others[shown], known)
 
     def habits(self) -> ObjectHabits:
         """How often this detector was seen to err, and for how long."""
@@ -356,7 +367,9 @@ class ObjectStream:
         if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
             track.phantom.why = "it is leaving the view"
             return
-        told = self.scene.evidence(track, others, sees_foot=track.hidden_then <= _HIDDEN_FOOT)
+        # Who covers most of it may be a part of it: a rider of his bicycle, a load.
+        is_seen = track.hidden_then <= _HIDDEN_FOOT and track.cover_then <= self.settings.most_covered
+        told = self.scene.evidence(track, others, is_seen=is_seen)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return

@@ -68,8 +68,8 @@ class ObjectTrack:
     motion: LocalMotion | None = None
     view: View | None = None
     history: deque[tuple[int, FloatArray]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
-    # Share of its box under another detection that may hide it, when it was last detected.
-    hidden_then: float = 0.0
+    cover_then: float = 0.0  # share of its box under another detection, when it was last detected
+    hidden_then: float = 0.0  # the same, under one that may hide it
     searched: tuple[int, int] = (
         0,
         0,

@@ -120,15 +120,15 @@ class SceneWitness:
         self.why = "" if self._ground is not None else "no ground is seen"
 
     def evidence(
-        self, track: ObjectTrack, others: FloatArray = _NONE, *, sees_foot: bool = True
+        self, track: ObjectTrack, others: FloatArray = _NONE, *, is_seen: bool = True
     ) -> tuple[float | None, float | None]:
         """Log-likelihood ratios, nats, for a box with the background in it; None where it cannot be told.
 
         That the scene passes through the box, and that its corners lie on the ground or the wall. `others`: boxes
-        (N, 4) in which other objects are seen, whatever is in them; `sees_foot`: none of them may hide where it ends.
+        (N, 4) in which other objects are seen, whatever is in them; `is_seen`: they leave enough of it, and its foot.
         """
         steady_px = self._without_jump(track)
-        if not sees_foot or not self._has_moved or len(self._poses) < 2:
+        if not is_seen or not self._has_moved or len(self._poses) < 2:
             return None, None
         depths = self._depths(track)
         return self._passing(track, others, steady_px, depths), self._lying(track, others, depths)
@@ -381,9 +381,9 @@ class SceneWitness:
         low, high = self._undistorted(box_px.reshape(2, 2) - 0.5)
         side = high - low
         near = ((xy > low - _RING * side) & (xy < high + _RING * side)).all(axis=1)
-        inside = ((xy > low) & (xy < high)).all(axis=1)
+        within = ((xy > low) & (xy < high)).all(axis=1)
         ground = np.abs(rho - self._ground.at(xy)) < 2.0 * sd + 0.1 * np.abs(rho)
-        chosen = near & ~inside & ~ground
+        chosen = near & ~within & ~ground
         return fit_plane(xy[chosen], rho[chosen], sd[chosen], least=8, share=0.6)
 
 
