@@ -177,6 +177,9 @@ def test_where_no_messages_are_it_is_said_where_some_are(kind):
     for ask in (lambda: attack(Ends(), text).labels, lambda: list(attack(Ends(), text).steps())):
         with pytest.raises(AttackError, match=says):
             ask()
+    if kind != "phantom":
+        with pytest.raises(AttackError, match="object 99 is never told of, and no detections"):
+            _ = attack(Ends(), f"{text},object=99").labels
 
 
 def test_the_ten_largest_objects_are_named():
@@ -367,6 +370,14 @@ class TestPhantom:
         assert np.ptp(last.box_px[[0, 2]]) > 1.5 * np.ptp(first.box_px[[0, 2]])
         # Never nearer than 4 m.
         assert run("detections-phantom:start=20,motion=approach,speed=90")[0][-1][-1].position_m[2] == 4.0
+
+    def test_it_is_told_of_no_more_once_it_has_passed_out_of_the_image(self):
+        frames, label = run("detections-phantom:start=10,x=20,y=20,w=80,h=60,motion=approach,speed=20")
+        told = [any(d.track_id == label.object for d in found) for found in frames]
+        last = max(k for k, is_told in enumerate(told) if is_told)
+        assert told == [10 <= k <= last for k in range(len(frames))]
+        assert last < len(frames) - 1
+        assert label.end_ns == (last + 1) * PERIOD_NS
 
     def test_it_may_be_given_as_a_box(self):
         frames, _ = run("detections-phantom:start=20,x=100,y=200,w=50,h=75,label=truck")

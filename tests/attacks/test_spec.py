@@ -147,3 +147,8 @@ def test_text_and_dict_round_trip(rate, start, stop_s, axis, seed):
     assert parse_attack(spec.to_text()) == spec
     assert AttackSpec.from_dict(spec.to_dict()) == spec
     assert hash(parse_attack(spec.to_text())) == hash(spec)
+
+
+def test_a_colon_between_options_is_no_part_of_a_name():
+    with pytest.raises(AttackError, match="more than one '='; options are set apart by commas"):
+        parse_attack("detections-hide:object=6:start=80")

@@ -122,7 +122,9 @@ class DetectionAttack:
         spec, span = self._plan.spec, self._plan.span
         frames = f"in frames {span.start_frame} to {span.stop_frame}"
         if silence := self._telling.silence():
-            return f"no detections {frames}: {silence}"
+            is_known = self._named is None or self._telling.elsewhere(str(self._named))
+            unknown = "" if is_known else f"object {self._named} is never told of, and "
+            return f"{unknown}no detections {frames}: {silence}"
         present = self._telling.present()
         if self._lead is None:
             if self._named is None:
@@ -264,7 +266,7 @@ class DetectionAttack:
             if all(not other.gives_ids for other in self._streams.values()):
                 self.object = None
         phantom = self._phantom.seen(claim.stamp_ns, stream.form, (self.object or "") if has_ids else "")
-        return replace(claim, detections=(*claim.detections, phantom))
+        return claim if phantom is None else replace(claim, detections=(*claim.detections, phantom))
 
 
 class _Stream:

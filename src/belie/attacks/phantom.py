@@ -64,11 +64,13 @@ class Phantom:
         self._box_px, self._T_cam_obj = self._given(vehicle) or self._on_the_road(vehicle, camera)
         self._first_ns: int | None = None
 
-    def seen(self, stamp_ns: int, like: Form | None, track_id: str) -> Detection:
-        """What is claimed of it at a time, in the form of the stream."""
+    def seen(self, stamp_ns: int, like: Form | None, track_id: str) -> Detection | None:
+        """What is claimed of it at a time, in the form of the stream; None once it has left the view."""
         self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
         form = like or Form()
         T_cam_obj, box_px = self._moved(stamp_ns - self._first_ns)
+        if box_px is None:
+            return None
         return Detection(
             label=str(self._plan.spec["label"]),
             score=_SCORE,
@@ -111,16 +113,18 @@ class Phantom:
     def _image(self) -> str:
         return f"{self._model.width}x{self._model.height} px"
 
-    def _moved(self, elapsed_ns: int) -> tuple[SE3, FloatArray]:
-        """Pose and box after some time: the object comes along the optical axis, its box grows as it does."""
+    def _moved(self, elapsed_ns: int) -> tuple[SE3, FloatArray | None]:
+        """Pose and box after some time: the object comes along the optical axis, its box grows as it does.
+
+        No box once it has passed out of the image.
+        """
         T_cam_obj, box_px = self._T_cam_obj, self._box_px
         depth_m = float(T_cam_obj.t[2])
         if self._plan.spec["motion"] == "still" or depth_m <= _NEAREST_M:
             return T_cam_obj, box_px
         nearer_m = max(_NEAREST_M, depth_m - self._plan.spec.number("speed") * elapsed_ns / NS_PER_S)
         nearer = SE3(T_cam_obj.R, np.array([*T_cam_obj.t[:2], nearer_m]))
-        grown_px = self._scaled(depth_m / nearer_m) if self._is_boxed else self._projected(nearer)
-        return nearer, box_px if grown_px is None else grown_px
+        return nearer, self._scaled(depth_m / nearer_m) if self._is_boxed else self._projected(nearer)
 
     def _projected(self, T_cam_obj: SE3) -> FloatArray | None:
         solid = Detection(label="", score=_SCORE, T_cam_obj=T_cam_obj, dimensions_m=self._size_m)

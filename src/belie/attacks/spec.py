@@ -162,6 +162,8 @@ odometry-replay, odometry-delay, odometry-sinusoid, odometry-noise, odometry-fli
         key = key.strip()
         if not (key and equals and value.strip()):
             raise AttackError(f"{text!r}: expected option=value, got {part!r}")
+        if "=" in value:
+            raise AttackError(f"{text!r}: {part!r} has more than one '='; options are set apart by commas")
         if key in given:
             raise AttackError(f"{text!r} gives {key} twice")
         given[key] = value

@@ -46,7 +46,8 @@ def require_free(output: Path, beside: Sequence[Path], *, force: bool) -> None:
         raise RecordingError(f"-o {output} is a folder; choose another name")
     taken = [str(path) for path in (output, *beside) if path.exists()]
     if taken and not force:
-        raise RecordingError(f"{' and '.join(taken)} exists already; --force overwrites it")
+        exist, them = ("exists", "it") if len(taken) == 1 else ("exist", "them")
+        raise RecordingError(f"{' and '.join(taken)} {exist} already; --force overwrites {them}")
 
 
 def write_recording(
