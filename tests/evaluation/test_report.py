@@ -146,3 +146,11 @@ def test_a_detector_of_which_no_box_was_followed_is_told_in_the_headline(made_ru
     run = replace(made_run(60), told=(told,))
     assert report_words.headline(run).endswith("nothing is known of the objects of /d.")
     assert report_words.tone(run) == "open"
+
+
+def test_the_page_says_how_many_objects_could_be_judged(made_run):
+    """A flat curve of a detector whose objects were never judged looks like that of one that does not lie."""
+    told = ToldObjects(source="/d", messages=9, boxes=12, labels={}, objects=3, unjudged={"small": 1})
+    assert f"<strong>Objects:</strong> {told.in_words()}." in render_report(
+        replace(made_run(60), told=(told,))
+    )

@@ -83,6 +83,7 @@ def _content(run: Run, labels: Iterable[AttackLabel] | None) -> dict[str, Any]:
         "headline": words.headline(run),
         "summary": words.summary(run),
         "never_decided": words.never_decided(run),
+        "told": [told.in_words() for told in run.told],
         "warnings": [said for told in run.told if (said := told.timing_in_words())],
         "tone": words.tone(run),
         "alerts": [words.alert_row(run, traced) for traced in run.alerts],
