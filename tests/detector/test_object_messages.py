@@ -105,28 +105,6 @@ def test_one_id_for_all_objects_is_no_id(name):
     assert watch.alerts == []
 
 
-def test_boxes_beside_an_object_are_told_to_who_looks_behind_it(monkeypatch):
-    """A rider covers most of his bicycle, so nothing is said of that; who drives ahead covers little of the car."""
-    told_of = {}
-
-    def evidence(_, track, others, *, is_seen):
-        told_of[track.name] = is_seen, others.round().tolist()
-        return None, None
-
-    monkeypatch.setattr(SceneWitness, "evidence", evidence)
-    watch, image = Watch(), BACKGROUND[:, :WIDTH].copy()
-    boxes = {"bicycle": [60, 150, 120, 200], "rider": [65, 100, 115, 190], "car": [300, 150, 400, 230]}
-    boxes["ahead"] = [330, 155, 350, 185]
-    for k in range(6):
-        watch.step(
-            k, with_noise(image, k), message(k * FRAME_NS, *(told(b, name) for name, b in boxes.items()))
-        )
-    assert not told_of["bicycle"][0]
-    assert told_of["car"][0]
-    beside = sorted(told_of["car"][1])
-    assert np.abs(np.array(beside) - sorted(b for n, b in boxes.items() if n != "car")).max() <= 2.0
-
-
 def test_one_image_is_one_piece_of_evidence(monkeypatch):
     watch, scene = Watch(), Scene(speed=1.0)
     monkeypatch.setattr(

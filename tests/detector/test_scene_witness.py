@@ -95,25 +95,6 @@ def test_what_was_in_the_middle_and_has_left_the_box_passed_through_it():
     assert passing(witness, track) > 5.0
 
 
-def test_who_drives_ahead_of_a_phantom_on_the_road_does_not_speak_for_it():
-    """Many of the corners in its box are a motorcyclist's, who is told of, too."""
-    road, cyclist = np.array([560.0, 200.0, 680.0, 300.0]), np.array([590.0, 215.0, 640.0, 245.0])
-    witness = watched(still_scene(), shown=still_scene(wall=False))
-    rng, track = np.random.default_rng(5), track_of(road)
-    px = rng.uniform(road[:2], road[2:], (40, 2))
-    px = px[(px < cyclist[:2]).any(axis=1) | (px > cyclist[2:]).any(axis=1)][:24]
-    depth = CAMERA.fy * HEIGHT / (px[:, 1:] - CAMERA.cy)
-    on_road = moved(np.column_stack([CAMERA.normalize(px) * depth, depth]), -witness.frame)
-    with_corners(witness, track, on_road, born=3, box_then=road, told=road)
-    own, his_px = track.corners, rng.uniform(cyclist[:2], cyclist[2:], (16, 2))
-    own.born_px, own.px = (np.concatenate([p, his_px]) for p in (own.born_px, own.px))
-    own.births, own.ages = np.append(own.births, [3] * 16), np.append(own.ages, [3] * 16)
-    places = places_in(road, his_px)
-    own.born_places, own.places = (np.concatenate([p, places]) for p in (own.born_places, own.places))
-    assert witness.evidence(track)[1] == 0.0
-    assert witness.evidence(track, cyclist[None])[1] > 3.0
-
-
 def test_corners_too_young_to_have_strayed_take_nothing_back():
     witness = watched(still_scene(), shown=still_scene(wall=False))
     track = track_of(HIGH)
@@ -169,7 +150,7 @@ def test_a_detector_whose_boxes_swing_is_not_held_to_one_whose_boxes_do_not(jitt
     for _ in range(60):
         honest.told_before = witness.frame - 1, honest.carried_px
         honest.carried_px = HIGH + jitter * rng.normal(size=4) * np.tile(HIGH[2:] - HIGH[:2], 2)
-        witness.evidence(honest, is_seen=False)
+        witness.evidence(honest, sees_foot=False)
     assert edges.deviation == pytest.approx(max(jitter, 0.035), abs=0.03)
     track = track_of(HIGH)
     track.edges = edges if own else EdgeNoise()

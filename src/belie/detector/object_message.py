@@ -60,10 +60,6 @@ class ObjectMessage:
         """Objects that it does not tell of."""
         return [i for i in range(len(self.own)) if i not in self.found]
 
-    def beside(self, j: int) -> FloatArray:
-        """All boxes but one, in the newest image, (M - 1, 4)."""
-        return np.asarray(self.carried[np.arange(len(self.carried)) != j])
-
     @property
     def unknown(self) -> list[int]:
         """Detections of no known object."""

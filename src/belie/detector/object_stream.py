@@ -336,7 +336,7 @@ class ObjectStream:
         track.take_over(detection, box)
         track.carried_px = track.carried(box, stamp_ns, current.size)
         track.detect(box, stamp_ns, current.size)
-        self._look_behind(track, group, stamp_ns, message.beside(j))
+        self._look_behind(track, group, stamp_ns)
         track.renew(current, s, self.scene.frame, covers)
         if track.naming.errors:
             return
@@ -355,8 +355,8 @@ class ObjectStream:
         told = first + (messages - 1) * each if messages else 0.0
         return told >= self.shares.threshold("misclassification", track)
 
-    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int, others: FloatArray) -> None:
-        """Add up what speaks for a box that shows the background only; in `others` (N, 4), those objects are seen."""
+    def _look_behind(self, track: ObjectTrack, group: str, stamp_ns: int) -> None:
+        """Add up what speaks for a box that shows the background only."""
         if track.looked_frame == self.scene.frame:
             return  # a faster detector tells of the same image again: no new evidence
         track.looked_frame = self.scene.frame
@@ -367,9 +367,7 @@ class ObjectStream:
         if in_view(track.box_px, (self.camera.width, self.camera.height)) < self.settings.least_in_view:
             track.phantom.why = "it is leaving the view"
             return
-        # Who covers most of it may be a part of it: a rider of his bicycle, a load.
-        is_seen = track.hidden_then <= _HIDDEN_FOOT and track.cover_then <= self.settings.most_covered
-        told = self.scene.evidence(track, others, is_seen=is_seen)
+        told = self.scene.evidence(track, sees_foot=track.cover_then <= _HIDDEN_FOOT)
         if told == (None, None):
             track.phantom.why = self.scene.why or "its corners cannot be told from the ground"
             return

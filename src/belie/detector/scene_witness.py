@@ -13,7 +13,6 @@ from belie.detector.edge_noise import EdgeNoise
 from belie.detector.object_track import ObjectTrack
 from belie.detector.places import places_in, sides_of
 from belie.geometry import SE3, CameraModel, FloatArray
-from belie.geometry.boxes import inside
 from belie.odometry.scene_depth import InverseDepthPlane, fit_plane, ground_plane, static_inverse_depth
 from belie.types import VisualEstimate
 
@@ -21,7 +20,6 @@ Scene = tuple[FloatArray, FloatArray, FloatArray]  # undistorted (N, 2), 1/Z and
 _SeenSince = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # px now and then (N, 2), 1/Z now and then
 _Depths = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]  # 1/Z, its deviation, whether it keeps still
 
-_NONE = np.empty((0, 4))  # boxes
 _SIGMA_PX = 0.7  # of a local corner: patches of small objects, enlarged, and the rotation's share
 _MEMORY = 40  # frames
 _RING = 1.0  # of the box's side: how far around it its wall is looked for
@@ -119,19 +117,17 @@ class SceneWitness:
                     self._ground = InverseDepthPlane(np.median(np.array(self._grounds), axis=0))
         self.why = "" if self._ground is not None else "no ground is seen"
 
-    def evidence(
-        self, track: ObjectTrack, others: FloatArray = _NONE, *, is_seen: bool = True
-    ) -> tuple[float | None, float | None]:
+    def evidence(self, track: ObjectTrack, *, sees_foot: bool = True) -> tuple[float | None, float | None]:
         """Log-likelihood ratios, nats, for a box with the background in it; None where it cannot be told.
 
-        That the scene passes through the box, and that its corners lie on the ground or the wall. `others`: boxes
-        (N, 4) in which other objects are seen, whatever is in them; `is_seen`: they leave enough of it, and its foot.
+        That the scene passes through the box, and that its corners lie on the ground or the wall. `sees_foot`: no other
+        box may hide where it ends.
         """
         steady_px = self._without_jump(track)
-        if not is_seen or not self._has_moved or len(self._poses) < 2:
+        if not sees_foot or not self._has_moved or len(self._poses) < 2:
             return None, None
         depths = self._depths(track)
-        return self._passing(track, others, steady_px, depths), self._lying(track, others, depths)
+        return self._passing(track, steady_px, depths), self._lying(track, depths)
 
     def _without_jump(self, track: ObjectTrack) -> FloatArray | None:
         """Its told box, but for a jump against its pixels; its corners are held against the box without from then on.
@@ -188,16 +184,14 @@ class SceneWitness:
         typical = float(np.median(np.abs(rho))) if len(rho) else 0.0
         return float(np.linalg.norm(estimate.T_prev_cur.t)) * typical * self.camera.fx
 
-    def _passing(
-        self, track: ObjectTrack, others: FloatArray, steady_px: FloatArray | None, depths: _Depths
-    ) -> float | None:
+    def _passing(self, track: ObjectTrack, steady_px: FloatArray | None, depths: _Depths) -> float | None:
         """Whether the still scene passes through the box; `steady_px`: the told one, but for a jump."""
         told = track.carried_px
         if told is None or float((told[2:] - told[:2]).max()) < _LEAST_SIDE_PX:
             return None
-        corners = self._own_corners(track, told, others, depths)
+        corners = self._own_corners(track, told, depths)
         if track.told_before is not None and steady_px is not None:
-            of_scene = self._scene_corners(steady_px, others, *track.told_before, track.edges)
+            of_scene = self._scene_corners(steady_px, *track.told_before, track.edges)
             corners = corners if of_scene is None else corners.joined(of_scene)
         least = max(_RIDES, _SIGMAS * track.edges.deviation)
         strays = np.abs(corners.strays * self._is_whole(told, track.edges)).max(axis=1, initial=0.0)
@@ -227,12 +221,9 @@ class SceneWitness:
         rise = (float(np.median(inverse_depth)) - self._foot(box_px)) / float(self._ground.coefficients[1])
         return rise > _STEEPEST + _TILT
 
-    def _own_corners(
-        self, track: ObjectTrack, told: FloatArray, others: FloatArray, depths: _Depths
-    ) -> _Corners:
+    def _own_corners(self, track: ObjectTrack, told: FloatArray, depths: _Depths) -> _Corners:
         """The object's corners since they were found."""
         older = (track.corners.births < self.frame) & np.isfinite(track.corners.born_places).all(axis=1)
-        older &= ~inside(track.corners.px, others)
         rho, _, still = depths
         frames = self.frame - track.corners.births
         places = places_in(told, track.corners.px)
@@ -247,7 +238,7 @@ class SceneWitness:
         )  # fmt: skip
 
     def _scene_corners(
-        self, told: FloatArray, others: FloatArray, then: int, told_then: FloatArray, edges: EdgeNoise
+        self, told: FloatArray, then: int, told_then: FloatArray, edges: EdgeNoise
     ) -> _Corners | None:
         """The still scene's corners since another box of the object was told."""
         if then not in self._scene_px:
@@ -262,7 +253,6 @@ class SceneWitness:
         left = np.flatnonzero(_in_the_middle(places_then) & ~near)
         reach_px = np.maximum(_LEAST_REACH_PX, _SAME_DEPTH * np.abs(now_px - then_px).max(axis=1))
         near[left] = self._was_seen(then, told_then, then_px[left], rho_then[left], reach_px[left])
-        near &= ~inside(now_px, others)
         strays = (places - places_then)[near] * self._is_whole(told_then, edges)
         n = len(strays)
         return _Corners(
@@ -303,15 +293,15 @@ class SceneWitness:
             rho[ahead], 1.0 / points_then[ahead, 2],
         )  # fmt: skip
 
-    def _scene_within(self, box_px: FloatArray, others: FloatArray) -> Scene:
-        """The still scene's corners inside a box, and in none of the others."""
+    def _scene_within(self, box_px: FloatArray) -> Scene:
+        """The still scene's corners inside a box."""
         assert self._scene is not None
         xy, rho, deviation = self._scene
-        edges = self._undistorted(np.concatenate([box_px[None], others]).reshape(-1, 2) - 0.5).reshape(-1, 4)
-        which = inside(xy - 0.5, edges[:1]) & ~inside(xy - 0.5, edges[1:])
-        return xy[which], rho[which], deviation[which]
+        low, high = self._undistorted(box_px.reshape(2, 2) - 0.5)
+        inside = np.asarray(((xy > low) & (xy < high)).all(axis=1))
+        return xy[inside], rho[inside], deviation[inside]
 
-    def _lying(self, track: ObjectTrack, others: FloatArray, depths: _Depths) -> float | None:
+    def _lying(self, track: ObjectTrack, depths: _Depths) -> float | None:
         """Whether its corners lie on the ground or the wall."""
         if self._ground is None or self._scene is None:
             return None
@@ -319,9 +309,9 @@ class SceneWitness:
         if bottom > self.camera.height - 2.0 or max(right - left, bottom - top) < _LEAST_SIDE_PX:
             return None  # its foot is out of view, or it is too far away
         depth, deviation, still = depths
-        known = np.isfinite(deviation) & ~inside(track.corners.px, others)
+        known = np.isfinite(deviation)
         # Its own corners are many and young; those of the scene are few and have been triangulated for long.
-        scene_xy, scene_depth, scene_deviation = self._scene_within(track.box_px, others)
+        scene_xy, scene_depth, scene_deviation = self._scene_within(track.box_px)
         depth = np.concatenate([np.where(still, depth, np.nan)[known], scene_depth])
         deviation = np.concatenate([deviation[known], scene_deviation])
         xy = np.concatenate([self._undistorted(track.corners.px)[known], scene_xy])
@@ -381,9 +371,9 @@ class SceneWitness:
         low, high = self._undistorted(box_px.reshape(2, 2) - 0.5)
         side = high - low
         near = ((xy > low - _RING * side) & (xy < high + _RING * side)).all(axis=1)
-        within = ((xy > low) & (xy < high)).all(axis=1)
+        inside = ((xy > low) & (xy < high)).all(axis=1)
         ground = np.abs(rho - self._ground.at(xy)) < 2.0 * sd + 0.1 * np.abs(rho)
-        chosen = near & ~within & ~ground
+        chosen = near & ~inside & ~ground
         return fit_plane(xy[chosen], rho[chosen], sd[chosen], least=8, share=0.6)
 
 
