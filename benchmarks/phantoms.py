@@ -24,7 +24,8 @@ from belie.types import Status
 from objects import sights
 
 NAME, LASTS = "kitti00", 10
-WIDTH_PX, HEIGHTS = (45.0, 160.0), (0.5, 1.2)  # and heights, over the width
+WIDTH_PX = (45.0, 160.0)
+HEIGHTS = (0.5, 1.2)  # over the width
 FIRST, LAST = 8, 85  # frames in which there are objects, too
 TAKEN = "its evidence was not enough"
 

@@ -44,7 +44,6 @@ class ObjectCorners:
     born_px: FloatArray = field(default_factory=_no_points)  # (N, 2), where they were then
     # (N, 2), in the box that was told then; NaN where that is about another image, and not known in this one.
     born_places: FloatArray = field(default_factory=_no_points)
-    _late: bool = False  # some of those places are not known
 
     def __len__(self) -> int:
         return len(self.px)
@@ -65,7 +64,6 @@ class ObjectCorners:
     def add(self, px: FloatArray, box_px: FloatArray, told_px: FloatArray | None, frame: int) -> None:
         """Take over new ones (M, 2), found in the object's box; `told_px`: the box that was told, where it is known."""
         places = places_in(box_px, px)
-        self._late |= told_px is None
         born_places = np.full(px.shape, np.nan) if told_px is None else places_in(told_px, px)
         self.px = np.concatenate([self.px, px])
         self.places = np.concatenate([self.places, places])
@@ -76,11 +74,11 @@ class ObjectCorners:
 
     def bear_again(self, told_px: FloatArray, frame: int) -> None:
         """Those whose place in a told box was not known were told of late: what is seen of them begins now."""
-        if self._late:
-            self._late, unplaced = False, np.isnan(self.born_places[:, 0])
-            self.births = self.births.copy()  # others may hold what it was
-            self.born_places[unplaced] = places_in(told_px, self.px[unplaced])
-            self.born_px[unplaced], self.births[unplaced] = self.px[unplaced], frame
+        unplaced = np.isnan(self.born_places[:, 0])
+        if unplaced.any():
+            self.births = np.where(unplaced, frame, self.births)
+            self.born_px = np.where(unplaced[:, None], self.px, self.born_px)
+            self.born_places = np.where(unplaced[:, None], places_in(told_px, self.px), self.born_places)
 
 
 @compiled()

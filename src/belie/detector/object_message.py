@@ -11,8 +11,7 @@ import numpy.typing as npt
 from belie.checks.objects import ClassGroups
 from belie.detector.association import assign, named
 from belie.detector.object_track import ObjectTrack
-from belie.geometry import CameraModel, FloatArray
-from belie.geometry.boxes import projected_box_px
+from belie.geometry import CameraModel, FloatArray, clipped_box_px, projected_box_px
 from belie.types import Detection, DetectionClaim
 
 _LEAST_PX = 4.0  # sides of a box
@@ -78,11 +77,6 @@ def has_no_box(detection: Detection) -> bool:
 
 def _box_of(detection: Detection, camera: CameraModel) -> FloatArray | None:
     """Its box, cut by the image's border; None where too little of it is in the image."""
-    box = detection.box_px if detection.box_px is not None else projected_box_px(detection, camera)
-    if box is None:
-        return None
-    left, top, right, bottom = box.tolist()
-    left, right = (min(max(x, 0.0), float(camera.width)) for x in (left, right))
-    top, bottom = (min(max(y, 0.0), float(camera.height)) for y in (top, bottom))
-    fits = right - left >= _LEAST_PX and bottom - top >= _LEAST_PX
-    return np.array([left, top, right, bottom]) if fits else None
+    told = detection.box_px if detection.box_px is not None else projected_box_px(detection, camera)
+    box = None if told is None else clipped_box_px(told, camera)
+    return box if box is not None and bool((box[2:] - box[:2] >= _LEAST_PX).all()) else None

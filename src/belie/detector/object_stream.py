@@ -164,6 +164,7 @@ class ObjectStream:
         hiders = self._judge_told(message, current)
         self._forget_doubles(message)
         self._meet_unknown(message, hiders, current, frame_ns, half_ns)
+        self._stand_ins = (self._stand_ins | stand_ins(self.tracks)) & {track.number for track in self.tracks}
         kept = {id(track) for track in self.tracks}
         self.memory.drop(track for track in before if id(track) not in kept)
         self.told_before.keep(message.boxes, claim.stamp_ns)
@@ -223,8 +224,6 @@ class ObjectStream:
             track = self._meet(message.detections[j], boxes[j], message.stamp_ns)
             track.meet(boxes[j], message.stamp_ns, frame_ns, half_ns, current.size)
             track.renew(current, self.settings, self.scene.frame, boxes[hiders[j]])
-        self._stand_ins |= stand_ins(self.tracks)
-        self._stand_ins &= {track.number for track in self.tracks}
 
     def _may_be_told(self, track: ObjectTrack, own_px: FloatArray, message: ObjectMessage) -> bool:
         """Whether a box of a message, under an id that just came up, may be an object that it does not tell of."""
@@ -235,9 +234,8 @@ class ObjectStream:
         if not new.any():
             return False
         boxes = boxes[new]
-        iou = overlaps(own_px[None], boxes)[0][0]
-        # A part of it may be told of; what stands behind it and is seen sticks out.
-        is_part = overlaps(boxes, own_px[None])[1][:, 0] >= _PART
+        iou, within = (each[:, 0] for each in overlaps(boxes, own_px[None]))
+        is_part = within >= _PART  # it may be told of; what stands behind the object and is seen sticks out
         keeps = track.keeps_place(self.settings)
         least = np.where(is_part | (not keeps), LEAST_OVERLAP, own_overlap(self.edges.deviation))
         return any(track.share_in(box, own_px) >= _HALF_HELD for box in boxes[iou >= least])

@@ -346,9 +346,9 @@ class ObjectTrack:
             fresh = local_corners(self.view, inner, missing, self.corners.px, current.noise)
             fresh = fresh[~inside(fresh, self.covers)]
             self.searched = len(self.corners) + len(fresh), frame + (1 if len(fresh) else _RESTS)
-            is_late = self.carried_px is None and self.told_px is not None
-            told_px = None if is_late else self.box_px if self.carried_px is None else self.carried_px
-            self.corners.add(fresh, self.box_px, told_px, frame)
+            # A message that is late tells of a box, and nobody knows (yet) where that is in this image.
+            born_in_px = self.box_px if self.told_px is None else self.carried_px
+            self.corners.add(fresh, self.box_px, born_in_px, frame)
             if self.contrast == 0.0:
                 self.contrast = self.view.contrast
 
