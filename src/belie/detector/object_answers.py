@@ -13,8 +13,8 @@ from belie.types import AccusedObject, CheckResult, Status
 
 _LONGEST_NS = 500_000_000  # without a message: the detector itself is silent
 _SILENT = 5.0  # its usual intervals
-_NONE_TOLD = (
-    "no object is told of, so none can be missed: what is hidden from the first image on cannot be seen"
+_NONE_FOLLOWED = (
+    "no object is followed, so none can be missed: what is hidden from the first image on cannot be seen"
 )
 
 
@@ -75,7 +75,7 @@ def _hiding(stream: ObjectStream, size: tuple[int, int]) -> list[Judgement]:
         return accused
     worst, threshold = stream.shares.worst("hiding", stream.tracks)
     status = Status.UNDECIDED if doubtful else Status.CONSISTENT
-    usual = f"{_objects(stream.tracks)}, none missing longer than usual" if stream.tracks else _NONE_TOLD
+    usual = f"{_objects(stream.tracks)}, none missing longer than usual" if stream.tracks else _NONE_FOLLOWED
     if stream.unfollowed:
         usual += f"; {stream.unfollowed} smaller ones are not followed (objects.most_objects)"
     reason = [*doubtful, *explained, usual][0]
